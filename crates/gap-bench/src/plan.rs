@@ -90,6 +90,8 @@ impl Task {
             NoiseForm::GustyWind => ", gusty wind",
             NoiseForm::UnloggedWind => ", swinging wind not logged",
             NoiseForm::Realistic => ", strong noise with memory",
+            NoiseForm::Intermittent => ", intermittent",
+            NoiseForm::Meandering => ", meandering",
         };
         let tracks = match self.tracks {
             TrackForm::Usual => "",
@@ -291,7 +293,24 @@ pub fn plan(seeds: u64, first_seed: u64) -> Vec<Task> {
             unequal(effects.len(), seed)
         });
     }
+    unsteady(&mut rows, seeds);
     rows.tasks
+}
+
+/// Air that is intermittent, and whose plume meanders as well.
+fn unsteady(rows: &mut Rows, seeds: u64) {
+    for noise in [NoiseForm::Intermittent, NoiseForm::Meandering] {
+        let task = |kind| Task {
+            noise,
+            ..usual(kind)
+        };
+        rows.push(&task(Kind::Nothing), 5 * seeds, |_| Vec::new());
+        for effect in ELSEWHERE {
+            rows.push(&task(Kind::One(effect)), seeds, |seed| {
+                vec![in_class(CLASSES[1], seed)]
+            });
+        }
+    }
 }
 
 fn without_effects(rows: &mut Rows, seeds: u64) {

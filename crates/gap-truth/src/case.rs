@@ -401,7 +401,7 @@ impl<'a> CaseBuilder<'a> {
         let seed = self.spec.seed;
         let law = WindLaw {
             unlogged_oscillation: physics.unlogged_oscillation,
-            unlogged_wander: physics.unlogged_wander,
+            unlogged_wander: physics.unlogged_wander.or(self.noise.wander()),
             drift_deg_per_h: physics.direction_drift_deg_per_h,
             ..self.scene.wind
         };

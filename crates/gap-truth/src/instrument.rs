@@ -32,6 +32,12 @@ pub enum NoiseForm {
     /// Strong intermittency with a memory of seconds, sensors that wander slowly, and a gusty wind that
     /// is logged: what field data look like.
     Realistic,
+    /// The usual, with strong log-normal intermittency as near a source: by half to 1.3 of the mean, with a
+    /// memory of seconds.
+    Intermittent,
+    /// Intermittent, with an axis that wanders by a few degrees with a memory of about a minute, which no log
+    /// shows: what eddies of the size of the plume do.
+    Meandering,
 }
 
 /// How far a position jumps, degrees of latitude: half a kilometre, as after a false fix.
@@ -114,6 +120,7 @@ pub struct NoiseLevels {
     gusts: (f64, f64),
     step_ppm: f64,
     outlier_chance: f64,
+    wander: Option<(f64, f64)>,
 }
 
 impl NoiseLevels {
@@ -133,6 +140,7 @@ impl NoiseLevels {
                 gusts: (size * 1.6, time_scale_s),
                 step_ppm: if rng.random_bool(0.5) { coarse } else { 0.1 },
                 outlier_chance: 0.002,
+                wander: None,
             },
             NoiseForm::Realistic => Self {
                 form,
@@ -141,7 +149,24 @@ impl NoiseLevels {
                 gusts: (between(&mut rng, 0.1, 0.3), between(&mut rng, 2.0, 10.0)),
                 step_ppm: 0.1,
                 outlier_chance: 0.0005,
+                wander: None,
             },
+            NoiseForm::Intermittent | NoiseForm::Meandering => {
+                let meanders = form == NoiseForm::Meandering;
+                let (low, high) = if meanders { (0.3, 0.8) } else { (0.5, 1.3) };
+                let relative = between(&mut rng, low, high);
+                let wander = (between(&mut rng, 2.0, 5.0), between(&mut rng, 30.0, 90.0));
+                Self {
+                    form,
+                    white_ppm,
+                    slow_ppm,
+                    // The logarithm's standard deviation that makes this of the mean.
+                    gusts: (relative.hypot(1.0).powi(2).ln().sqrt(), time_scale_s),
+                    step_ppm: 0.1,
+                    outlier_chance: 0.0005,
+                    wander: meanders.then_some(wander),
+                }
+            }
             _ => Self {
                 form,
                 white_ppm,
@@ -149,8 +174,14 @@ impl NoiseLevels {
                 gusts: (size, time_scale_s),
                 step_ppm: if rng.random_bool(0.5) { 0.1 } else { 1.0 },
                 outlier_chance: 0.0005,
+                wander: None,
             },
         }
+    }
+
+    /// Wander of the transport that no log shows: standard deviation, degrees, and correlation time, s.
+    pub fn wander(&self) -> Option<(f64, f64)> {
+        self.wander
     }
 
     /// The same with this intermittency: standard deviation over the mean, and correlation time, s.
@@ -177,9 +208,14 @@ impl NoiseLevels {
     pub fn gusts(&self) -> (f64, f64) {
         let (s, time_scale_s) = self.gusts;
         match self.form {
-            NoiseForm::Unusual => ((s * s).exp_m1().sqrt(), time_scale_s),
+            _ if self.is_log_normal() => ((s * s).exp_m1().sqrt(), time_scale_s),
             _ => (s, time_scale_s),
         }
+    }
+
+    fn is_log_normal(&self) -> bool {
+        use NoiseForm as F;
+        matches!(self.form, F::Unusual | F::Intermittent | F::Meandering)
     }
 
     fn white(&self, rng: &mut ChaCha8Rng) -> f64 {
@@ -201,7 +237,7 @@ impl NoiseLevels {
     fn gust(&self, g: f64) -> f64 {
         let s = self.gusts.0;
         match self.form {
-            NoiseForm::Unusual => (s * g - 0.5 * s * s).exp(),
+            _ if self.is_log_normal() => (s * g - 0.5 * s * s).exp(),
             _ => 1.0 + s * g,
         }
     }

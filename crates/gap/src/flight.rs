@@ -203,6 +203,7 @@ impl<'a> Finding<'a> {
             pairs: Vec::new(),
             contact: None,
             discrepancy: None,
+            noise: None,
             applied: None,
             data_quality: study.gated.data_quality.clone(),
             notices,

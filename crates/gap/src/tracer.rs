@@ -32,7 +32,7 @@ use serde::Serialize;
 use crate::GapError;
 use crate::verdict::{
     Cause, DataQuality, Detectable, Flaw, Gain, GapJson, NextFlight, Ranked, ResidualBin, SCHEMA,
-    Unexplained, Verdict,
+    Unexplained, UnexplainedKind, Verdict,
 };
 pub use apply::apply;
 use arcs::TrialArcs;
@@ -294,6 +294,7 @@ fn gap_json(
         pairs: Vec::new(),
         contact: None,
         discrepancy: None,
+        noise: None,
         applied: None,
         data_quality,
         notices,
@@ -305,6 +306,7 @@ fn gap_json(
 /// Amounts off by a factor, as the misfit without a name that they are.
 fn off_amounts(answers: &[Answer<'_>], suspicions: &Suspicions) -> Unexplained {
     Unexplained {
+        kind: UnexplainedKind::FailedCheck,
         coordinate: "map".into(),
         term: suspicions
             .flaws

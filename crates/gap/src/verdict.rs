@@ -281,9 +281,51 @@ impl BaseParameter {
     }
 }
 
+/// What kind of deviation no mechanism explains.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum UnexplainedKind {
+    /// Concentrations fluctuate, or the sensors scatter, beyond what is ordinary.
+    Fluctuation,
+    /// The plume's axis moves in a way that neither the logged wind nor ordinary turbulence explains.
+    AxisMotion,
+    /// The mean plume has another form than the model's.
+    Discrepancy,
+    /// A mechanism explains much, but fails a check.
+    FailedCheck,
+    /// The readings do not follow the modelled plume.
+    NoContact,
+}
+
+impl UnexplainedKind {
+    /// It in words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Fluctuation => "noise or fluctuation of concentrations beyond what is ordinary",
+            Self::AxisMotion => "motion of the plume's axis",
+            Self::Discrepancy => "a discrepancy of the model",
+            Self::FailedCheck => "a mechanism that fails a check",
+            Self::NoContact => "the readings do not follow the modelled plume",
+        }
+    }
+}
+
+impl From<infer::RestKind> for UnexplainedKind {
+    fn from(kind: infer::RestKind) -> Self {
+        match kind {
+            infer::RestKind::Noise => Self::Fluctuation,
+            infer::RestKind::AxisMotion => Self::AxisMotion,
+            infer::RestKind::Form => Self::Discrepancy,
+            infer::RestKind::None => Self::FailedCheck,
+        }
+    }
+}
+
 /// Where a misfit without a name lives.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Unexplained {
+    /// What kind of deviation it is.
+    pub kind: UnexplainedKind,
     /// "time", "platform", "across_wind", "along_wind", "height" or "map".
     pub coordinate: String,
     /// The flexible term that describes it, in words.
@@ -401,6 +443,23 @@ pub struct Discrepancy {
     pub log_evidence: f64,
 }
 
+/// The noise of readings and air that a fit found; standard deviations and memories.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Noise {
+    /// White noise of a reading, ppm.
+    pub white_ppm: f64,
+    /// Slow wander of a sensor's zero, ppm.
+    pub slow_ppm: f64,
+    /// Its memory, s.
+    pub slow_s: f64,
+    /// Fluctuation of concentrations: standard deviation of the logarithm of the plume's part of a reading.
+    pub fluctuation: f64,
+    /// Its memory, s.
+    pub fluctuation_s: f64,
+    /// Fast wander of the plume's axis, degrees.
+    pub axis_wander_deg: f64,
+}
+
 /// All of `gap.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct GapJson {
@@ -441,6 +500,8 @@ pub struct GapJson {
     pub pairs: Vec<Pair>,
     /// The error of the model's form; null where that is not asked.
     pub discrepancy: Option<Discrepancy>,
+    /// The noise of readings and air; null where no plume was fitted.
+    pub noise: Option<Noise>,
     /// Where an extension found before was applied: verdict and causes are those of that finding,
     /// and `gain` is that on these data.
     #[serde(skip_serializing_if = "Option::is_none")]

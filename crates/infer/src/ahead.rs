@@ -100,13 +100,13 @@ impl<'a> Question<'a> {
         };
         let basis = problem.basis(&at(0))?;
         let noise = first.fit().noise;
-        let metric = problem.metric(&at(basis.len()), &basis, &noise, &vec![1.0; n])?;
+        let loadings = problem.loadings(&at(basis.len()), &basis, &noise)?;
         Ok(Ahead {
             question: *self,
             sizes: first.likeliest_sizes(),
             basis,
             noise,
-            loadings: metric.loadings,
+            loadings,
             rows,
         })
     }

@@ -4,6 +4,7 @@
 
 use crate::InferError;
 use crate::evidence::{Known, Layout, Products};
+use crate::fluctuation::{Fluctuation, FluctuationLaw};
 use crate::form::{Active, Basis, Growth, SWING, Sizes, precision_of};
 use crate::maximise::maximise;
 use crate::noise::{Loadings, Means, Noise, Whitener, log_likelihood};
@@ -44,6 +45,8 @@ pub struct Problem<'a, M> {
     pub(crate) sensor_sd: f64,
     pub(crate) asked: &'a [PlumePlace],
     pub(crate) turning: Arc<Turning>,
+    /// How concentrations fluctuate.
+    pub(crate) fluctuation: FluctuationLaw,
 }
 
 /// How a swing turns the rows: the same for all models of them that differ in names alone.
@@ -99,13 +102,19 @@ pub struct Fit {
     /// Factor on the variance of each row's white noise: above one at a spike.
     pub inflation: Vec<f64>,
     loadings: Loadings,
+    fluctuation: Fluctuation,
     /// What each row reads beyond what is expected; zero where it is not used.
     pub misfit: Vec<f64>,
+    /// The same as the noise explains it: linear in every part of it. Whitened it is a sum of squares.
+    pub(crate) linear_misfit: Vec<f64>,
 }
 
 /// What misfits are measured with, held while a fit steps.
 pub(crate) struct Metric {
     pub loadings: Loadings,
+    /// The same of a plume that does not fluctuate, and that plume.
+    calm: (Loadings, Vec<f64>),
+    fluctuation: Fluctuation,
     whitener: Whitener,
     inflation: Vec<f64>,
 }
@@ -148,22 +157,35 @@ struct Shape<'b> {
 }
 
 impl Shape<'_> {
-    fn growth(&self, bumps: &[f64], point: &Point, rows: usize) -> Vec<Growth> {
-        growth_of(bumps, &self.active, point, rows)
+    fn growth(&self, bumps: &[f64], point: &Point, fluctuation: &Fluctuation) -> Vec<Growth> {
+        growth_of(bumps, &self.active, point, fluctuation)
     }
 }
 
-/// What the error of form makes of the plume at every row.
-fn growth_of(bumps: &[f64], active: &Active, point: &Point, rows: usize) -> Vec<Growth> {
+/// What the error of form and the fluctuation make of the plume at every row.
+fn growth_of(
+    bumps: &[f64],
+    active: &Active,
+    point: &Point,
+    fluctuation: &Fluctuation,
+) -> Vec<Growth> {
     let n = active.of_form();
     if n == 0 {
-        return vec![Growth::NONE; rows];
+        let factors = fluctuation.factors().iter();
+        return factors.map(|f| Growth::NONE.times(*f)).collect();
     }
     let weights: Vec<f64> = active.weights().take(n).map(|k| point.weights[k]).collect();
     bumps
         .chunks_exact(n)
-        .map(|b| Basis::growth(b, &weights))
+        .zip(fluctuation.factors())
+        .map(|(b, f)| Basis::growth(b, &weights).times(*f))
         .collect()
+}
+
+/// The plume of a prediction with what error of form and fluctuation make of it.
+fn grown(there: &Prediction, growth: &[Growth]) -> Vec<f64> {
+    let plume = there.plume.iter().zip(growth);
+    plume.map(|(p, g)| p * g.factor).collect()
 }
 
 /// What is steady of a swing: its mean and its slope.
@@ -214,6 +236,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
             policy,
             sensor_sd,
             asked,
+            fluctuation: FluctuationLaw::Normal,
         }
     }
 
@@ -421,7 +444,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         let ln = maximise(within(&fit.noise).ln(), curvature, NOISE_STEPS, |ln| {
             let noise = within(&Noise::from_ln(*ln));
             let (loadings, inflation) = (&fit.loadings, &fit.inflation);
-            log_likelihood(self.rows, &noise, loadings, inflation, &fit.misfit)
+            log_likelihood(self.rows, &noise, loadings, inflation, &fit.linear_misfit)
                 + self.ln_noise_prior(&noise)
         });
         let ln = within(&Noise::from_ln(ln)).ln();
@@ -452,8 +475,40 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         noise: Noise,
         inflation: Vec<f64>,
     ) -> Result<Fit, InferError> {
+        let (mut point, mut metric) = self.settle_normal(start, shape, &noise, &inflation)?;
+        if self.fluctuation == FluctuationLaw::LogNormal {
+            (point, metric) = self.settle_log_normal(point, shape, &noise, &metric.inflation)?;
+        }
+        let here = self.linearised(&point, shape, &metric)?;
+        let there = self.model.predict(&point.at, &self.turns(&point))?;
+        let mean = shape.growth(&here.bumps, &point, &Fluctuation::none(self.rows.len()));
+        Ok(Fit {
+            misfit: self.misfit(&there, &mean),
+            point,
+            noise,
+            sizes: shape.sizes,
+            basis: shape.basis.clone(),
+            inflation: metric.inflation,
+            loadings: metric.loadings,
+            fluctuation: metric.fluctuation,
+            linear_misfit: here.misfit,
+        })
+    }
+
+    /// The point that normal fluctuation lets settle, with the metric there.
+    fn settle_normal(
+        &self,
+        start: Point,
+        shape: &Shape<'_>,
+        noise: &Noise,
+        inflation: &[f64],
+    ) -> Result<(Point, Metric), InferError> {
         let mut point = start;
-        let mut metric = self.metric(&point, shape.basis, &noise, &inflation)?;
+        let metric_at = |point: &Point, inflation: &[f64]| -> Result<Metric, InferError> {
+            let loadings = self.loadings(point, shape.basis, noise)?;
+            Ok(self.metric_of(loadings, noise, inflation))
+        };
+        let mut metric = metric_at(&point, inflation)?;
         let mut density = f64::NEG_INFINITY;
         let mut left = self.policy.most_steps;
         let mut here = self.linearised(&point, shape, &metric)?;
@@ -462,7 +517,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
             (point, here, used) = self.steps(point, here, shape, &metric, left)?;
             left -= used.min(left);
             let spikes = self.spikes(&point, &here, &metric)?;
-            metric = self.metric(&point, shape.basis, &noise, &spikes)?;
+            metric = metric_at(&point, &spikes)?;
             here = self.linearised(&point, shape, &metric)?;
             let reached = here.products.ln_normalisation - here.cost;
             let settled = (reached - density).abs() < self.policy.settled_nats;
@@ -471,15 +526,93 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
                 break;
             }
         }
-        Ok(Fit {
-            point,
-            noise,
-            sizes: shape.sizes,
-            basis: shape.basis.clone(),
-            inflation: metric.inflation,
-            loadings: metric.loadings,
-            misfit: here.misfit,
-        })
+        Ok((point, metric))
+    }
+
+    /// The same of log-normal fluctuation, from a point near it.
+    fn settle_log_normal(
+        &self,
+        start: Point,
+        shape: &Shape<'_>,
+        noise: &Noise,
+        inflation: &[f64],
+    ) -> Result<(Point, Metric), InferError> {
+        let (mut point, mut metric) = self.approach(start, shape, noise, inflation)?;
+        let mut here = self.linearised(&point, shape, &metric)?;
+        let mut density = here.products.ln_normalisation - here.cost;
+        let mut left = self.policy.most_steps;
+        while left > 0 {
+            let (next, there, used) = self.steps(point.clone(), here, shape, &metric, left)?;
+            left -= used.min(left);
+            let spikes = self.spikes(&next, &there, &metric)?;
+            let before = Some(&metric.fluctuation);
+            let anew = self.metric(&next, shape.basis, noise, &spikes, before)?;
+            here = self.linearised(&next, shape, &anew)?;
+            let gain = here.products.ln_normalisation - here.cost - density;
+            // Under the next metric a point may be worse that was better under the last.
+            if gain > 0.0 {
+                (point, metric) = (next, anew);
+                density += gain;
+            }
+            if gain < self.policy.settled_nats {
+                break;
+            }
+        }
+        Ok((point, metric))
+    }
+
+    /// Steps that the fluctuation follows, until they gain nothing: a plume that moves meets its readings with
+    /// another factor at each of them.
+    fn approach(
+        &self,
+        start: Point,
+        shape: &Shape<'_>,
+        noise: &Noise,
+        inflation: &[f64],
+    ) -> Result<(Point, Metric), InferError> {
+        let mut point = start;
+        let mut metric = self.metric(&point, shape.basis, noise, inflation, None)?;
+        for _ in 0..self.policy.most_steps {
+            let here = self.linearised(&point, shape, &metric)?;
+            let next = self.step(&point, shape, &here, |next| {
+                let followed = self.following(&metric, next, shape, &here.bumps)?;
+                let misfit = self.misfit_under(&followed, next, shape, &here.bumps)?;
+                Some((self.cost(misfit, &followed, next, shape)?, followed))
+            });
+            let Some((next, cost, followed)) = next else {
+                break;
+            };
+            (point, metric) = (next, followed);
+            if here.cost - cost < self.policy.settled_nats {
+                break;
+            }
+        }
+        Ok((point, metric))
+    }
+
+    /// A metric at a point near its own, with the fluctuation that is most probable there.
+    fn following(
+        &self,
+        metric: &Metric,
+        next: &Point,
+        shape: &Shape<'_>,
+        bumps: &[f64],
+    ) -> Option<Metric> {
+        let there = self.model.predict(&next.at, &self.turns(next)).ok()?;
+        let mean = shape.growth(bumps, next, &Fluctuation::none(self.rows.len()));
+        let plume = grown(&there, &mean);
+        let (before, plume_before) = &metric.calm;
+        let moved = before.plume.iter().zip(plume_before).zip(&plume);
+        let calm = Loadings {
+            plume: moved
+                .map(|((all, before), now)| all - before + now)
+                .collect(),
+            per_degree: before.per_degree.clone(),
+        };
+        let misfit = self.misfit(&there, &mean);
+        let noise = metric.whitener.noise;
+        let known = (&noise, &metric.inflation[..]);
+        Some(self.fluctuating(calm, plume, &misfit, known, Some(&metric.fluctuation)))
     }
 
     /// Steps under one metric until they gain nothing: the point, the model linearised there, and the
@@ -493,7 +626,11 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         most_steps: usize,
     ) -> Result<(Point, Linearised, usize), InferError> {
         for k in 0..most_steps {
-            let Some(next) = self.step(&point, shape, metric, &here) else {
+            let next = self.step(&point, shape, &here, |next| {
+                let misfit = self.misfit_under(metric, next, shape, &here.bumps)?;
+                Some((self.cost(misfit, metric, next, shape)?, ()))
+            });
+            let Some((next, _, ())) = next else {
                 return Ok((point, here, k + 1));
             };
             let before = here.cost;
@@ -538,14 +675,15 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         0.5 * offset.iter().zip(&shape.precision).map(square).sum::<f64>()
     }
 
-    /// The next point: the longest part of the Gauss-Newton step that gains; none where none does.
-    fn step(
+    /// The next point: the longest part of the Gauss-Newton step that gains, with its cost and what else `cost`
+    /// gives; none where none does.
+    fn step<T>(
         &self,
         point: &Point,
         shape: &Shape<'_>,
-        metric: &Metric,
         here: &Linearised,
-    ) -> Option<Point> {
+        cost: impl Fn(&Point) -> Option<(f64, T)>,
+    ) -> Option<(Point, f64, T)> {
         let n = here.columns - 1;
         let products = here.products.matrix(here.columns);
         let mut information = products.view((0, 0), (n, n)).into_owned();
@@ -566,9 +704,8 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
             for (k, s) in shape.active.weights().zip(weights) {
                 next.weights[k] += part * s;
             }
-            let cost = self.cost(&next, shape, metric, here);
-            if cost.is_some_and(|cost| cost < here.cost) {
-                return Some(next);
+            if let Some((cost, more)) = cost(&next).filter(|(cost, _)| *cost < here.cost) {
+                return Some((next, cost, more));
             }
             part *= SHORTER;
         }
@@ -593,18 +730,28 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
             .fold(1.0, f64::max)
     }
 
-    /// Minus the density of a point near where the model was linearised, nats, up to a constant; none
-    /// where the model refuses the point.
-    fn cost(
+    /// What the rows read beyond what is expected at a point near where the model was linearised, as a metric's
+    /// noise explains it; none where the model refuses the point.
+    fn misfit_under(
         &self,
+        metric: &Metric,
         next: &Point,
         shape: &Shape<'_>,
-        metric: &Metric,
-        here: &Linearised,
-    ) -> Option<f64> {
+        bumps: &[f64],
+    ) -> Option<Vec<f64>> {
         let there = self.model.predict(&next.at, &self.turns(next)).ok()?;
-        let growth = shape.growth(&here.bumps, next, self.rows.len());
-        let mut misfit = self.misfit(&there, &growth);
+        let growth = shape.growth(bumps, next, &metric.fluctuation);
+        Some(self.linear_misfit(&there, &growth, &metric.fluctuation))
+    }
+
+    /// Minus the density of a point with a misfit, nats, up to a constant.
+    fn cost(
+        &self,
+        mut misfit: Vec<f64>,
+        metric: &Metric,
+        next: &Point,
+        shape: &Shape<'_>,
+    ) -> Option<f64> {
         metric.whitener.whiten(self.rows, &mut misfit, 1);
         let square: f64 = misfit.iter().map(|w| w * w).sum();
         let [mean, slope] = self.steady_turns(shape.basis, &next.weights);
@@ -619,7 +766,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         whitener.whiten(self.rows, column, 1);
     }
 
-    /// What the error of form makes of the plume at every row of a fit.
+    /// What error of form and fluctuation make of the plume at every row of a fit.
     pub(crate) fn factors(&self, fit: &Fit) -> Result<Vec<f64>, InferError> {
         let active = fit.basis.weighted(&fit.point.weights);
         let plume = self
@@ -627,7 +774,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
             .predict(&fit.point.at, &self.turns(&fit.point))?
             .plume;
         let bumps = self.bumps(&fit.point, &fit.basis, &active, &plume)?;
-        let growth = growth_of(&bumps, &active, &fit.point, self.rows.len());
+        let growth = growth_of(&bumps, &active, &fit.point, &fit.fluctuation);
         Ok(growth.iter().map(|g| g.factor).collect())
     }
 
@@ -642,27 +789,77 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         (0..self.rows.len()).map(of).collect()
     }
 
-    pub(crate) fn metric(
+    /// The same as the noise explains it.
+    fn linear_misfit(
+        &self,
+        there: &Prediction,
+        growth: &[Growth],
+        fluctuation: &Fluctuation,
+    ) -> Vec<f64> {
+        let mut misfit = self.misfit(there, growth);
+        for (i, misfit) in misfit.iter_mut().enumerate() {
+            if self.rows.is_used(i) {
+                *misfit += fluctuation.shift(i);
+            }
+        }
+        misfit
+    }
+
+    /// The metric at a point: the plume fluctuates as it most probably did, which is looked for from `before`.
+    fn metric(
         &self,
         point: &Point,
         basis: &Basis,
         noise: &Noise,
         inflation: &[f64],
+        before: Option<&Fluctuation>,
     ) -> Result<Metric, InferError> {
-        Ok(self.metric_of(self.loadings(point, basis, noise)?, noise, inflation))
+        let calm = self.loadings(point, basis, noise)?;
+        let there = self.model.predict(&point.at, &self.turns(point))?;
+        let active = basis.weighted(&point.weights);
+        let bumps = self.bumps(point, basis, &active, &there.plume)?;
+        let mean = growth_of(&bumps, &active, point, &Fluctuation::none(self.rows.len()));
+        let misfit = self.misfit(&there, &mean);
+        let known = (noise, inflation);
+        Ok(self.fluctuating(calm, grown(&there, &mean), &misfit, known, before))
     }
 
-    pub(crate) fn metric_of(&self, loadings: Loadings, noise: &Noise, inflation: &[f64]) -> Metric {
+    /// A metric of loadings of a plume that does not fluctuate, and of its misfit.
+    fn fluctuating(
+        &self,
+        calm: Loadings,
+        plume: Vec<f64>,
+        misfit: &[f64],
+        (noise, inflation): (&Noise, &[f64]),
+        before: Option<&Fluctuation>,
+    ) -> Metric {
+        let mut loadings = calm.clone();
+        let here = (misfit, &plume[..]);
+        let fluctuation =
+            Fluctuation::most_probable(self.rows, noise, &mut loadings, inflation, here, before);
         Metric {
             whitener: Whitener::new(self.rows, noise, &loadings, inflation),
             loadings,
+            calm: (calm, plume),
+            fluctuation,
+            inflation: inflation.to_vec(),
+        }
+    }
+
+    /// A metric of given loadings, under which the plume does not fluctuate about what is expected.
+    pub(crate) fn metric_of(&self, loadings: Loadings, noise: &Noise, inflation: &[f64]) -> Metric {
+        Metric {
+            whitener: Whitener::new(self.rows, noise, &loadings, inflation),
+            calm: (loadings.clone(), loadings.plume.clone()),
+            loadings,
+            fluctuation: Fluctuation::none(self.rows.len()),
             inflation: inflation.to_vec(),
         }
     }
 
     /// What fluctuation and wander are in proportion to at every row: root mean squares over the
     /// wander of the axis, as a plume that swings is met where its mean is not.
-    fn loadings(
+    pub(crate) fn loadings(
         &self,
         point: &Point,
         basis: &Basis,
@@ -686,7 +883,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         let mut plume: Vec<f64> = plume_sq.into_iter().map(f64::sqrt).collect();
         let active = basis.weighted(&point.weights);
         let bumps = self.bumps(point, basis, &active, &plume)?;
-        let growth = growth_of(&bumps, &active, point, rows);
+        let growth = growth_of(&bumps, &active, point, &Fluctuation::none(rows));
         let mut per_degree = Vec::with_capacity(rows);
         for i in 0..rows {
             let grown = (right.plume[i] - left.plume[i]) * (growth[i].factor - 1.0);
@@ -704,7 +901,8 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         metric: &Metric,
     ) -> Result<Linearised, InferError> {
         let columns = shape.precision.len() + 1;
-        let local = self.local(point, shape.basis, &shape.active)?;
+        let fluctuation = &metric.fluctuation;
+        let local = self.local(point, shape.basis, &shape.active, fluctuation)?;
         let unknowns = self.unknowns();
         let weights: Vec<usize> = (unknowns..columns - 1).collect();
         let places = Places {
@@ -770,16 +968,21 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
     }
 
     /// The model near a point.
-    fn local(&self, point: &Point, basis: &Basis, active: &Active) -> Result<Local, InferError> {
-        let n = self.rows.len();
+    fn local(
+        &self,
+        point: &Point,
+        basis: &Basis,
+        active: &Active,
+        fluctuation: &Fluctuation,
+    ) -> Result<Local, InferError> {
         let turns = self.turns(point);
         let here = self.model.predict(&point.at, &turns)?;
         let bumps = self.bumps(point, basis, active, &here.plume)?;
-        let growth = growth_of(&bumps, active, point, n);
+        let growth = growth_of(&bumps, active, point, fluctuation);
         let slopes = slopes(self.model, &point.at, &turns, &here, |i| growth[i].factor)?;
         Ok(Local {
             slopes,
-            misfit: self.misfit(&here, &growth),
+            misfit: self.linear_misfit(&here, &growth, fluctuation),
             per_form: here
                 .plume
                 .iter()
@@ -852,7 +1055,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         let coordinates: Vec<usize> = fit.basis.coordinates().collect();
         let layout = Layout::new(&coordinates, self.unknowns(), tried.len());
         let all = Active::all(&fit.basis);
-        let local = self.local(&fit.point, &fit.basis, &all)?;
+        let local = self.local(&fit.point, &fit.basis, &all, &fit.fluctuation)?;
         let whitener = Whitener::new(self.rows, &fit.noise, &fit.loadings, &fit.inflation);
         let places = Places {
             unknowns: layout.unknowns,

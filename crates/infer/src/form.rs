@@ -37,6 +37,14 @@ impl Growth {
         slope: 1.0,
     };
 
+    /// The same of a plume that is `factor` times as strong.
+    pub fn times(self, factor: f64) -> Self {
+        Self {
+            factor: self.factor * factor,
+            slope: self.slope * factor,
+        }
+    }
+
     /// That of a sum of weighted bumps, which bends towards the largest exponent rather than to stop there: where
     /// a slope ends, a search leans on rows that cannot follow.
     fn of(sum: f64) -> Self {

@@ -2,6 +2,7 @@
 //! to be chosen again when passes are drawn anew, and to leave no error of form that says more.
 
 use crate::InferError;
+use crate::form::SWING;
 use crate::left_out::{ByPass, Expected};
 use crate::names::{Catalogue, Found, Question};
 use crate::parallel_map::parallel_map;
@@ -15,6 +16,10 @@ use std::ops::Range;
 const WORSE: f64 = 0.975;
 /// A set that is less likely by this, nats, is no rival however passes are drawn: one in 3,000.
 const RIVAL_NATS: f64 = 8.0;
+/// Fluctuation from which its law matters: a log-normal factor of this size has a skewness of one, a normal one none.
+const STRONG_FLUCTUATION: f64 = 0.3;
+/// The likeliest sets that are judged as they are, before names are struck one after another.
+const SETS_JUDGED: usize = 10;
 /// Sets of passes drawn anew.
 const DRAWS: usize = 40;
 
@@ -47,6 +52,28 @@ impl<T> Cause<T> {
     }
 }
 
+/// What of the base has to be given up where readings deviate from it beyond what is ordinary.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RestKind {
+    /// The sizes of the noise: white, slow, fluctuation, fast wander of the axis.
+    Noise,
+    /// A steady axis.
+    AxisMotion,
+    /// The form of the mean plume.
+    Form,
+    /// Nothing: a mechanism explains much, but fails a check.
+    None,
+}
+
+/// How readings deviate from a set of names and ordinary air.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rest {
+    /// Log evidence of error of form, swing and noise beyond what is ordinary, nats.
+    pub nats: f64,
+    /// Which of them has most of it.
+    pub kind: RestKind,
+}
+
 /// What stands.
 #[derive(Debug, Clone)]
 pub struct Judgement<M: Catalogue> {
@@ -58,8 +85,8 @@ pub struct Judgement<M: Catalogue> {
     pub dropped: Vec<Cause<M::Tried>>,
     /// Whether so much speaks for one of these that the set does not explain the readings.
     pub is_doubted: bool,
-    /// Log evidence of error of form, swing and excess noise beside these names, nats.
-    pub rest: f64,
+    /// What the set leaves unexplained.
+    pub rest: Rest,
     /// What explains most where there is a rest, with probabilities over passes drawn anew.
     pub candidates: Vec<(Found<M>, f64)>,
     /// The passes by which it was judged.
@@ -100,26 +127,13 @@ impl Question<'_> {
                 times
             })
             .collect();
-        let mut set = found[0].clone();
-        let (mut dropped, mut is_doubted) = (Vec::new(), false);
-        let mut causes: Vec<Cause<M::Tried>>;
-        loop {
-            causes = self.causes(found, &set, &passes, &draws)?;
-            let weakest = (0..causes.len())
-                .filter(|&k| !self.stands(&causes[k]))
-                .min_by(|a, b| causes[*a].strength().total_cmp(&causes[*b].strength()));
-            let Some(k) = weakest else { break };
-            let cause = &causes[k];
-            if cause.probability > 0.5 && cause.departs_sd > self.policy.departs_sd {
-                is_doubted |= cause.gain > self.policy.rest_alone_nats
-                    || cause.strength() > self.policy.drawn_again;
-                dropped.push(cause.clone());
-            }
-            set = best_without(found, &set, k).clone();
-        }
-        dropped.sort_by(|a, b| b.strength().total_cmp(&a.strength()));
+        let (set, causes, dropped) = self.standing(found, &passes, &draws)?;
+        let speaks_for = |cause: &Cause<M::Tried>| {
+            cause.gain > self.policy.rest_alone_nats || cause.strength() > self.policy.drawn_again
+        };
+        let is_doubted = dropped.iter().any(speaks_for);
         let rest = self.rest(&set, &passes)?;
-        let candidates = if rest > self.policy.rest_nats || is_doubted {
+        let candidates = if rest.nats > self.policy.rest_nats || is_doubted {
             let plain = self.plain_extensions(&set, tried)?;
             self.candidates(&plain, &passes, &draws)?
         } else {
@@ -136,30 +150,115 @@ impl Question<'_> {
         })
     }
 
+    /// The likeliest set all of whose names stand, its causes, and what speaks for names that do not stand, the strongest
+    /// first. A name that fails gives way to its rivals, and then to the set without it.
+    #[allow(clippy::type_complexity, reason = "three things that belong together")]
+    fn standing<M: Catalogue>(
+        &self,
+        found: &[Found<M>],
+        passes: &[Vec<Range<usize>>],
+        draws: &[Vec<f64>],
+    ) -> Result<(Found<M>, Vec<Cause<M::Tried>>, Vec<Cause<M::Tried>>), InferError> {
+        let mut dropped: Vec<Cause<M::Tried>> = Vec::new();
+        let mut set = found[0].clone();
+        let mut causes;
+        let mut next = found.iter().take(SETS_JUDGED).skip(1);
+        loop {
+            causes = self.causes(found, &set, passes, draws)?;
+            let weakest = (0..causes.len())
+                .filter(|&k| !self.stands(&causes[k]))
+                .min_by(|a, b| causes[*a].strength().total_cmp(&causes[*b].strength()));
+            let Some(k) = weakest else { break };
+            let cause = &causes[k];
+            if cause.probability > 0.5 && cause.departs_sd > self.policy.departs_sd {
+                dropped.push(cause.clone());
+            }
+            set = match next.next() {
+                Some(next) => next.clone(),
+                None => best_without(found, &set, k).clone(),
+            };
+        }
+        let is_stated = |name: &M::Tried| {
+            let mut names = causes.iter().flat_map(|c| &c.names);
+            names.any(|n| M::same_cause(&n.0, name))
+        };
+        dropped.retain(|d| !is_stated(&d.names[0].0));
+        dropped.sort_by(|a, b| b.strength().total_cmp(&a.strength()));
+        dropped.dedup_by(|a, b| M::same_cause(&a.names[0].0, &b.names[0].0));
+        Ok((set, causes, dropped))
+    }
+
     /// Log evidence of the error of form, of more swing and of more noise than is tolerated beside the
-    /// names of a set, nats; none where it is not much and passes left out do not gain by it.
+    /// names of a set; none where it is not much and passes left out do not gain by it.
     fn rest<M: Catalogue>(
         &self,
         set: &Found<M>,
         passes: &[Vec<Range<usize>>],
-    ) -> Result<f64, InferError> {
+    ) -> Result<Rest, InferError> {
         let plain = self.plain(set)?;
-        let rest = set.ln_score() - plain.ln_score();
-        if rest <= self.policy.rest_nats || rest > self.policy.rest_alone_nats {
-            return Ok(rest.max(0.0));
+        let nats = set.ln_score() - plain.ln_score();
+        let none = Rest {
+            nats: 0.0,
+            kind: RestKind::None,
+        };
+        if nats <= self.policy.rest_nats {
+            return Ok(Rest {
+                nats: nats.max(0.0),
+                ..none
+            });
         }
-        let (with, without) = (self.by_pass(set, passes)?, self.by_pass(&plain, passes)?);
+        // Strong fluctuation is log-normal: puffs of several times the mean are no error of form.
+        let fluctuating = self.log_normal(&plain)?;
+        let nats = nats.min(set.ln_score() - fluctuating.ln_score());
+        if nats <= self.policy.rest_nats {
+            return Ok(none);
+        }
+        let is_shown =
+            nats > self.policy.rest_alone_nats || self.passes_gain(set, &plain, passes)?;
+        if !is_shown {
+            return Ok(none);
+        }
+        let kind = self.rest_kind(set)?;
+        Ok(Rest { nats, kind })
+    }
+
+    /// Which freedom alone brings back most of what a set has beyond ordinary air.
+    fn rest_kind<M: Catalogue>(&self, set: &Found<M>) -> Result<RestKind, InferError> {
+        let found = set.likeliest_sizes();
+        let ordinary = self.policy.tolerated_sizes(&found);
+        let mut swinging = ordinary;
+        swinging[SWING] = found[SWING];
+        let mut formed = found;
+        formed[SWING] = ordinary[SWING];
+        let freedoms = [
+            (RestKind::Noise, ordinary, true),
+            (RestKind::AxisMotion, swinging, false),
+            (RestKind::Form, formed, false),
+        ];
+        let fitted = parallel_map(&freedoms, |(kind, sizes, is_noisy)| {
+            let restricted = self.restricted(set, sizes, *is_noisy)?;
+            Ok((restricted.ln_score(), *kind))
+        });
+        let fitted = fitted.into_iter().collect::<Result<Vec<_>, InferError>>()?;
+        let best = fitted.into_iter().max_by(|a, b| a.0.total_cmp(&b.0));
+        Ok(best.map_or(RestKind::None, |b| b.1))
+    }
+
+    /// Whether passes left out gain by what a set has beyond another.
+    fn passes_gain<M: Catalogue>(
+        &self,
+        set: &Found<M>,
+        plain: &Found<M>,
+        passes: &[Vec<Range<usize>>],
+    ) -> Result<bool, InferError> {
+        let (with, without) = (self.by_pass(set, passes)?, self.by_pass(plain, passes)?);
         let with = with.left_out();
         let gains: Vec<f64> = with
             .iter()
             .zip(without.left_out())
             .map(|(a, b)| a - b)
             .collect();
-        Ok(if sum_and_low(&gains).1 > 0.0 {
-            rest
-        } else {
-            0.0
-        })
+        Ok(sum_and_low(&gains).1 > 0.0)
     }
 
     /// Whether a name stands.
@@ -226,7 +325,8 @@ impl Question<'_> {
         rivals.sort_by_key(|r| !M::same_cause(r.0, &set.names[k]));
         // Readings that scatter together tell less than as many independent ones (Ribatet and others 2012).
         let gain = top - without.ln_score() - (set.ln_prior - without.ln_prior);
-        let too_much = gain.max(0.0) * (1.0 - widening.powi(-2));
+        let scattered = gain.max(0.0) * (1.0 - widening.powi(-2));
+        let too_much = scattered.max(self.due_to_fluctuation(set, without)?);
         let without_ln = without.ln_score() + too_much;
         let dropped = (without_ln - top).exp();
         let ln = |f: &Found<M>| f.ln_score() - top;
@@ -280,6 +380,25 @@ impl Question<'_> {
             cause.worse = self.worse(&before, &after, passes, draws);
         }
         Ok(cause)
+    }
+
+    /// What of the gain of a set over one without a name log-normal fluctuation has as well, nats: puffs of several times
+    /// the mean look like a cause to a normal law.
+    fn due_to_fluctuation<M: Catalogue>(
+        &self,
+        set: &Found<M>,
+        without: &Found<M>,
+    ) -> Result<f64, InferError> {
+        let is_strong = |f: &Found<M>| f.fit().noise.fluctuation > STRONG_FLUCTUATION;
+        if set.ln_score() <= without.ln_score() || !(is_strong(set) || is_strong(without)) {
+            return Ok(0.0);
+        }
+        let by_either = |found: &Found<M>| -> Result<f64, InferError> {
+            let fluctuating = self.log_normal(&self.plain(found)?)?;
+            Ok(found.ln_score().max(fluctuating.ln_score()))
+        };
+        let gain = by_either(set)? - by_either(without)?;
+        Ok((set.ln_score() - without.ln_score() - gain).max(0.0))
     }
 
     /// Part of the draws in which errors on passes left out are larger after than before.

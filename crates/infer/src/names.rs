@@ -9,6 +9,7 @@ use crate::InferError;
 use crate::contact::Contact;
 use crate::evidence::{Evidence, Reduced};
 use crate::fit::{Fit, Point, Problem};
+use crate::fluctuation::FluctuationLaw;
 use crate::form::Sizes;
 use crate::nearest::Nearest;
 use crate::parallel_map::parallel_map;
@@ -165,6 +166,7 @@ impl<'a> Question<'a> {
             sensor_sd: self.sensor_sd,
             asked: self.asked,
             turning: found.weighed.turning.clone(),
+            fluctuation: FluctuationLaw::Normal,
         }
     }
 
@@ -249,20 +251,77 @@ impl<'a> Question<'a> {
     /// # Errors
     /// Values that the model refuses.
     pub fn plain<M: Catalogue>(&self, of: &Found<M>) -> Result<Found<M>, InferError> {
-        let problem = self.beside(of, &of.model);
-        let sizes = self.policy.tolerated_sizes(&of.likeliest_sizes());
-        let fit = of.fit();
-        let noise = problem.tolerated(&fit.noise);
-        if noise == fit.noise && of.weighed.sizes.first().is_some_and(|s| s.1 == sizes) {
-            let mut same = of.clone();
-            same.weighed.ln_evidence = same.weighed.only(&sizes, self.policy, &problem);
-            return Ok(same);
-        }
-        let first = problem.fit(&fit.point, &fit.basis, noise, sizes)?;
-        let mut best: Option<Weighed> = None;
-        for fit in [first.clone(), problem.refit_noise_tolerated(&first)?] {
+        self.restricted(
+            of,
+            &self.policy.tolerated_sizes(&of.likeliest_sizes()),
+            false,
+        )
+    }
+
+    /// The same of log-normal fluctuation, from where a set without it came to; no more of it than is tolerated.
+    pub(crate) fn log_normal<M: Catalogue>(
+        &self,
+        plain: &Found<M>,
+    ) -> Result<Found<M>, InferError> {
+        let problem = Problem {
+            fluctuation: FluctuationLaw::LogNormal,
+            ..self.beside(plain, &plain.model)
+        };
+        let sizes = plain.fit().sizes;
+        let weighed_at = |fit: Fit| -> Result<Weighed, InferError> {
             let mut weighed = problem.around(fit)?;
             weighed.ln_evidence = weighed.only(&sizes, self.policy, &problem);
+            Ok(weighed)
+        };
+        let fit = plain.fit();
+        let first = problem.fit(&fit.point, &fit.basis, fit.noise, sizes)?;
+        let mut best = weighed_at(first)?;
+        for _ in 0..LOG_NORMAL_REFITS {
+            let next = weighed_at(problem.refit_noise_tolerated(&best.fit)?)?;
+            let gain = next.ln_evidence - best.ln_evidence;
+            if gain > 0.0 {
+                best = next;
+            }
+            if gain < self.policy.settled_nats {
+                break;
+            }
+        }
+        Ok(Found {
+            weighed: best,
+            ..plain.clone()
+        })
+    }
+
+    /// The same set with error of form and swing of these sizes, and unless it `is_noisy` with no more noise
+    /// than is tolerated.
+    pub(crate) fn restricted<M: Catalogue>(
+        &self,
+        of: &Found<M>,
+        sizes: &Sizes,
+        is_noisy: bool,
+    ) -> Result<Found<M>, InferError> {
+        let problem = self.beside(of, &of.model);
+        let fit = of.fit();
+        let noise = if is_noisy {
+            fit.noise
+        } else {
+            problem.tolerated(&fit.noise)
+        };
+        if noise == fit.noise && of.weighed.sizes.first().is_some_and(|s| s.1 == *sizes) {
+            let mut same = of.clone();
+            same.weighed.ln_evidence = same.weighed.only(sizes, self.policy, &problem);
+            return Ok(same);
+        }
+        let first = problem.fit(&fit.point, &fit.basis, noise, *sizes)?;
+        let again = if is_noisy {
+            problem.refit_noise(&first)?
+        } else {
+            problem.refit_noise_tolerated(&first)?
+        };
+        let mut best: Option<Weighed> = None;
+        for fit in [first, again] {
+            let mut weighed = problem.around(fit)?;
+            weighed.ln_evidence = weighed.only(sizes, self.policy, &problem);
             if best
                 .as_ref()
                 .is_none_or(|b| weighed.ln_evidence > b.ln_evidence)
@@ -538,6 +597,8 @@ impl<'a> Question<'a> {
     }
 }
 
+/// Most times that the noise of log-normal fluctuation is made most probable: each moves the deviations, and they it.
+const LOG_NORMAL_REFITS: usize = 10;
 /// How often the search is begun anew where a name led to a better base.
 const NEW_BASES: usize = 2;
 /// A base is another one where its evidence is larger by this, nats.

@@ -80,6 +80,11 @@ impl Noise {
         }
     }
 
+    /// Standard deviation of the fluctuation in a mean over this time.
+    pub(crate) fn fluctuation_sd(&self, averaging_s: f64) -> f64 {
+        self.fluctuation * left_of_means(self.fluctuation_s, averaging_s)
+    }
+
     fn sizes(&self) -> [f64; PROCESSES] {
         [self.slow, self.fluctuation, self.wander_deg]
     }
@@ -125,7 +130,9 @@ impl Whitener {
     /// The filter for `noise`. `inflation` multiplies the variance of a row's own white noise.
     pub fn new(rows: &Rows, noise: &Noise, loadings: &Loadings, inflation: &[f64]) -> Self {
         let mut steps = Vec::with_capacity(rows.len());
-        run(rows, noise, loadings, inflation, |_, step| steps.push(step));
+        run(rows, noise, loadings, inflation, |_, step, _| {
+            steps.push(step)
+        });
         Self {
             steps,
             noise: *noise,
@@ -212,7 +219,7 @@ pub(crate) fn log_likelihood(
 ) -> f64 {
     let mut mean = [0.0; PROCESSES];
     let (mut square, mut density) = (0.0, LnProduct::ONE);
-    run(rows, noise, loadings, inflation, |row, step| {
+    run(rows, noise, loadings, inflation, |row, step, _| {
         if row.is_first {
             mean = [0.0; PROCESSES];
         }
@@ -241,13 +248,67 @@ struct At {
     is_first: bool,
 }
 
-/// Runs the filter's covariance over all rows and hands each step to `each`.
+/// The fluctuation at every row, in the mean over its averaging time, that is most probable after all rows of
+/// `misfit` (the state smoother of Durbin and Koopman 2012, equations 4.39 and 4.44).
+pub(crate) fn smoothed_fluctuation(
+    rows: &Rows,
+    noise: &Noise,
+    loadings: &Loadings,
+    inflation: &[f64],
+    misfit: &[f64],
+) -> Vec<f64> {
+    let n = rows.len();
+    let mut mean = [0.0; PROCESSES];
+    // Of each row: the step, the filter's mean of the fluctuation before it, its covariances with all processes, and the
+    // innovation over its variance.
+    let mut filtered: Vec<(Step, f64, [f64; PROCESSES], f64)> = Vec::with_capacity(n);
+    run(rows, noise, loadings, inflation, |row, step, p| {
+        if row.is_first {
+            mean = [0.0; PROCESSES];
+        }
+        let mut expected = 0.0;
+        for (mean, (keep, loading)) in mean.iter_mut().zip(step.keep.iter().zip(step.loading)) {
+            *mean *= keep;
+            expected += loading * *mean;
+        }
+        let of_fluctuation = mean[FLUCTUATION];
+        let mut scaled = 0.0;
+        if step.inverse_sd > 0.0 {
+            let innovation = misfit[row.index] - expected;
+            for (mean, gain) in mean.iter_mut().zip(step.gain) {
+                *mean += gain * innovation;
+            }
+            scaled = innovation * step.inverse_sd * step.inverse_sd;
+        }
+        filtered.push((step, of_fluctuation, [p[1], p[3], p[4]], scaled));
+    });
+    let mut out = vec![0.0; n];
+    for range in rows.series() {
+        let mut later = [0.0; PROCESSES];
+        for index in range.clone().rev() {
+            let (step, mean, covariance, scaled) = &filtered[index];
+            let told: f64 = step.gain.iter().zip(&later).map(|(g, r)| g * r).sum();
+            for (r, loading) in later.iter_mut().zip(step.loading) {
+                *r += loading * (scaled - told);
+            }
+            let by: f64 = covariance.iter().zip(&later).map(|(c, r)| c * r).sum();
+            let left = left_of_means(noise.fluctuation_s, rows.averaging_s(index));
+            out[index] = left * (mean + by);
+            for (r, keep) in later.iter_mut().zip(step.keep) {
+                *r *= keep;
+            }
+        }
+    }
+    out
+}
+
+/// Runs the filter's covariance over all rows and hands each step to `each`, with the covariance before it.
 fn run(
     rows: &Rows,
     noise: &Noise,
     loadings: &Loadings,
     inflation: &[f64],
-    mut each: impl FnMut(At, Step),
+    mut each: impl FnMut(At, Step, [f64; 6]),
 ) {
     let size_sq = noise.sizes().map(|s| s * s);
     let memories_s = noise.memories_s();
@@ -280,12 +341,13 @@ fn run(
                 gain: [0.0; PROCESSES],
                 inverse_sd: 0.0,
             };
+            let before = covariance.0;
             if rows.is_used(index) {
                 let white = rows.stated_sd(index).unwrap_or(noise.white);
                 (step.gain, step.inverse_sd) =
                     covariance.learn(loading, white * white * inflation[index]);
             }
-            each(At { index, is_first }, step);
+            each(At { index, is_first }, step, before);
         }
     }
 }
@@ -462,6 +524,40 @@ mod tests {
                 .all(|w| (w[1] - 2.0 * w[0]).abs() < 1e-12)
         );
         assert_eq!(matrix[2 * 2], 0.0, "a row that is not used says nothing");
+    }
+
+    /// The conditional mean of a normal density, written out: the covariances of the fluctuation with the misfits, times
+    /// the inverse of the misfits' own.
+    #[test]
+    fn the_smoother_gives_the_conditional_mean() {
+        let (rows, loadings, misfit) = rows_and_loadings();
+        let inflation = vec![1.0; rows.len()];
+        let smoothed = smoothed_fluctuation(&rows, &NOISE, &loadings, &inflation, &misfit);
+        for range in rows.series() {
+            let used: Vec<usize> = range.clone().filter(|&i| rows.is_used(i)).collect();
+            let part = |size: f64, memory_s: f64, i: usize, j: usize| {
+                let dt_s = (rows.time_s()[i] - rows.time_s()[j]).abs();
+                size * size * (-dt_s / memory_s).exp()
+            };
+            let fluctuation = |i, j| part(NOISE.fluctuation, NOISE.fluctuation_s, i, j);
+            let covariance = DMatrix::from_fn(used.len(), used.len(), |a, b| {
+                let (i, j) = (used[a], used[b]);
+                let white = rows.stated_sd(i).unwrap_or(NOISE.white);
+                part(NOISE.slow, NOISE.slow_s, i, j)
+                    + fluctuation(i, j) * loadings.plume[i] * loadings.plume[j]
+                    + part(NOISE.wander_deg, NOISE.wander_s, i, j)
+                        * loadings.per_degree[i]
+                        * loadings.per_degree[j]
+                    + if a == b { white * white } else { 0.0 }
+            });
+            let read = DVector::from_fn(used.len(), |a, _| misfit[used[a]]);
+            let weights = Cholesky::new(covariance).unwrap().solve(&read);
+            for i in range {
+                let with = used.iter().map(|j| fluctuation(i, *j) * loadings.plume[*j]);
+                let mean: f64 = with.zip(weights.iter()).map(|(c, w)| c * w).sum();
+                assert!((smoothed[i] - mean).abs() < 1e-9, "{} {mean}", smoothed[i]);
+            }
+        }
     }
 
     // The mean of exp(-|a - b| / 5) over a and b from 0 to 10, and from 0 to 300: numpy, 4,000 midpoints each way,

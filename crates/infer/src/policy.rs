@@ -46,10 +46,10 @@ pub struct Policy {
     pub noise_median: Noise,
     /// One standard deviation of the natural logarithm of each, in the same order.
     pub noise_ln_sd: [f64; Noise::PARAMETERS],
-    /// Noise whose parts are larger is an error of the model; white and slow noise as multiples of the
-    /// sensor's own, memories of any length. A plume that fluctuates by half is still one of a steady
-    /// source, a zero that wanders by three times the noise still one of the sensor's, and an axis that
-    /// wanders or swings by three degrees that of a steady wind, or of one that is logged.
+    /// Noise beyond these sizes is a deviation from ordinary air and sensors; white and slow noise as multiples of the
+    /// sensor's own, memories of any length. Concentrations inside a plume of a steady source fluctuate by .5 to 1.5 of
+    /// their mean (Mylne and Mason 1991), a sensor's zero drifts by up to three times its noise, and the axis of a plume
+    /// wanders by some degrees about a wind that is logged elsewhere (σθ of a neutral layer is 10°: Pasquill 1961).
     pub noise_tolerated: Noise,
     /// About how many passes a record is cut into.
     pub passes: usize,
@@ -75,7 +75,8 @@ pub struct Policy {
     pub beam_nats: f64,
     /// A cause is named at this probability: 19 to 1.
     pub named: f64,
-    /// ... and where passes drawn anew give it this on the average (Huggins and Miller 2023).
+    /// ... and where passes drawn anew give it this on the average (Huggins and Miller 2023): three to one. A drawn set
+    /// lacks a third of the passes, so that the probability in it is less than that in all.
     pub drawn_again: f64,
     /// ... and where a parameter of it departs from doing nothing by so many standard deviations.
     pub departs_sd: f64,
@@ -127,9 +128,9 @@ impl Default for Policy {
                 white: 6.0,
                 slow: 3.0,
                 slow_s: f64::INFINITY,
-                fluctuation: 0.5,
+                fluctuation: 1.5,
                 fluctuation_s: f64::INFINITY,
-                wander_deg: 3.0,
+                wander_deg: 5.0,
                 wander_s: f64::INFINITY,
             },
             passes: 16,
@@ -142,7 +143,7 @@ impl Default for Policy {
             beam_width: 3,
             beam_nats: 4.0,
             named: 0.95,
-            drawn_again: 0.85,
+            drawn_again: 0.75,
             departs_sd: 2.0,
             rest_nats: 4.595,
             rest_alone_nats: 12.0,

@@ -100,7 +100,7 @@ impl<M: ForwardModel> Problem<'_, M> {
         let inflation = vec![1.0; self.rows.len()];
         let mut point = start.clone();
         for _ in 0..ROUNDS {
-            let mut loadings = self.metric(&point, &basis, &noise, &inflation)?.loadings;
+            let mut loadings = self.loadings(&point, &basis, &noise)?;
             let there = self.model.predict(&point.at, &vec![0.0; self.rows.len()])?;
             for i in (0..self.rows.len()).filter(|&i| self.rows.is_used(i)) {
                 let read = self.rows.measured()[i] - (there.reading[i] - there.plume[i]);

@@ -8,7 +8,8 @@ use super::evidence::{Candidate, Fit, sum};
 use super::parameters::Effect;
 use super::study::{Linear, Study};
 use crate::verdict::{
-    BaseParameter, Cause, Detectable, Evidence, Parameter, Ranked, Unexplained, Verdict,
+    BaseParameter, Cause, Detectable, Evidence, Parameter, Ranked, Unexplained, UnexplainedKind,
+    Verdict,
 };
 
 /// Probability of so large a score by chance, over all candidates, that a cause may have.
@@ -209,6 +210,7 @@ fn nameless(study: &Study<'_>, last: &Linear, candidate: usize, evidence: f64) -
         to += 1;
     }
     Unexplained {
+        kind: UnexplainedKind::Discrepancy,
         coordinate: group.coordinate.as_str().to_owned(),
         term: group.words(),
         from_s: last.blocks[from].from_s,

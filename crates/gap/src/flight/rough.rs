@@ -7,7 +7,7 @@ use super::answer::{Answer, p_value};
 use super::equation_error::{EquationError, Lift};
 use super::rival::Target;
 use super::study::{Linear, Study};
-use crate::verdict::{Cause, Evidence, Parameter, Unexplained, Verdict};
+use crate::verdict::{Cause, Evidence, Parameter, Unexplained, UnexplainedKind, Verdict};
 
 /// Dispersion beyond which the model fits roughly.
 const ROUGH: f64 = 4.0;
@@ -51,6 +51,7 @@ fn disturbed(study: &Study<'_>, last: &Linear, axis: usize, sds: f64) -> Unexpla
         _ => Target::Push(axis - 3),
     };
     Unexplained {
+        kind: UnexplainedKind::Fluctuation,
         coordinate: "time".to_owned(),
         term: format!(
             "{}, a disturbance larger than turbulence and workmanship explain",

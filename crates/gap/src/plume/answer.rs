@@ -20,7 +20,8 @@ use super::{
 };
 use crate::verdict::{
     BaseParameter, Candidate, Cause, Contact, DataQuality, Detectable, Discrepancy, Evidence,
-    GapJson, Insufficient, Measured, Parameter, Ranked, SCHEMA, Unexplained, Verdict,
+    GapJson, Insufficient, Measured, Noise, Parameter, Ranked, SCHEMA, Unexplained,
+    UnexplainedKind, Verdict,
 };
 
 /// Log evidence at which an effect counts as detectable, nats.
@@ -98,6 +99,7 @@ pub(crate) fn stated(
         contact,
         pairs: Vec::new(),
         discrepancy: Some(discrepancy(study)),
+        noise: Some(noise(set)),
         applied: None,
         data_quality: quality,
         notices,
@@ -256,7 +258,7 @@ fn unexplained(study: &Study<'_>, named: bool) -> Result<Option<Unexplained>, In
     // Where the readings do not follow the plume, and no turn of the wind that they ask for is named,
     // the model does not hold, however small a rest a wandering zero leaves.
     let elsewhere = study.contact.as_ref().is_some_and(|c| c.share < FOLLOWED);
-    let holds = judged.rest <= study.question.policy.rest_nats && !judged.is_doubted;
+    let holds = judged.rest.nats <= study.question.policy.rest_nats && !judged.is_doubted;
     if holds && !astray && (named || !elsewhere) {
         return Ok(None);
     }
@@ -283,19 +285,19 @@ fn unexplained(study: &Study<'_>, named: bool) -> Result<Option<Unexplained>, In
     let sizes = judged.set.likeliest_sizes();
     let coordinate = ["along_wind", "height", "across_wind", "time", "time"];
     let largest = (0..sizes.len()).max_by(|a, b| sizes[*a].total_cmp(&sizes[*b]));
+    let kind = if astray || (elsewhere && !named) {
+        UnexplainedKind::NoContact
+    } else {
+        judged.rest.kind.into()
+    };
     Ok(Some(Unexplained {
+        kind,
         coordinate: coordinate[largest.unwrap_or(SWING)].to_string(),
-        term: if astray || (elsewhere && !named) {
-            "the readings do not follow the modelled plume".to_string()
-        } else if sizes[SWING] > 0.0 {
-            "motion of the plume's axis".to_string()
-        } else {
-            "a discrepancy of the model".to_string()
-        },
+        term: kind.words().to_string(),
         from_s,
         to_s,
         platforms,
-        delta_log_evidence: judged.rest,
+        delta_log_evidence: judged.rest.nats,
         candidates,
     }))
 }
@@ -357,6 +359,18 @@ fn stretch(study: &Study<'_>) -> (f64, f64, Vec<String>) {
     )
 }
 
+fn noise(set: &Found<PlumeModel<'_>>) -> Noise {
+    let found = set.fit().noise;
+    Noise {
+        white_ppm: found.white,
+        slow_ppm: found.slow,
+        slow_s: found.slow_s,
+        fluctuation: found.fluctuation,
+        fluctuation_s: found.fluctuation_s,
+        axis_wander_deg: found.wander_deg,
+    }
+}
+
 fn discrepancy(study: &Study<'_>) -> Discrepancy {
     let set = &study.judged.set;
     let sizes = set.likeliest_sizes();
@@ -364,7 +378,7 @@ fn discrepancy(study: &Study<'_>) -> Discrepancy {
     Discrepancy {
         size: square.sqrt(),
         wander_deg: sizes[SWING].hypot(set.fit().noise.wander_deg),
-        log_evidence: study.judged.rest,
+        log_evidence: study.judged.rest.nats,
     }
 }
 
@@ -650,6 +664,7 @@ pub(crate) fn nothing_to_tell(
         pairs: Vec::new(),
         contact: None,
         discrepancy: None,
+        noise: None,
         applied: None,
         data_quality: quality,
         notices,

@@ -97,6 +97,7 @@ pub fn apply(tables: &Tables, earlier: &Earlier, seed: u64) -> Result<TracerRepo
             contact: None,
             pairs: Vec::new(),
             discrepancy: None,
+            noise: None,
             applied: Some(applied),
             data_quality,
             notices,

@@ -4,7 +4,7 @@
 use super::LEAST_TRIALS;
 use super::evidence::Fit;
 use super::ladder::{Group, Tried, VerticalModel, same_distance};
-use crate::verdict::Unexplained;
+use crate::verdict::{Unexplained, UnexplainedKind};
 
 /// Nats of evidence that a factor at one distance must gain over the best model, before what its
 /// search and laws not quite right may cost.
@@ -61,6 +61,7 @@ pub(super) fn unexplained(
         return None;
     };
     Some(Unexplained {
+        kind: UnexplainedKind::Discrepancy,
         coordinate: "along_wind".into(),
         term,
         from_s: f64::NAN,

@@ -70,6 +70,7 @@ pub fn json() -> GapJson {
         pairs: Vec::new(),
         contact: None,
         discrepancy: None,
+        noise: None,
         applied: None,
         data_quality: vec![DataQuality {
             platform: "6".into(),

@@ -71,6 +71,10 @@ fn main() -> ExitCode {
             a_leak_in_a_wind_that_turns_all_day_is_unexplained,
         ),
         on_data(
+            "cases_of_an_independent_generator_are_answered_right",
+            cases_of_an_independent_generator_are_answered_right,
+        ),
+        on_data(
             "flaws_of_raw_logs_change_no_answer",
             flaws_of_raw_logs_change_no_answer,
         ),
@@ -331,6 +335,41 @@ fn methane_in_ppm_and_in_ppb_has_one_answer(data: &Path) {
             value
         };
         assert_eq!(said(&ppm), said(&ppb), "{name}");
+    }
+}
+
+/// Made by others, with what is hidden in `cases/blind-README.md`: intermittent air alone; a gradient that a second source
+/// may be as well; a gradient and the zero of one sensor together.
+fn cases_of_an_independent_generator_are_answered_right(data: &Path) {
+    let answer = |case: &str| {
+        let file = |name: &str| text(data, &format!("cases/blind-{case}/{name}"));
+        let scenario = Scenario::parse("case", &file("scenario.toml")).unwrap();
+        let setup = gap::plume::Setup::new(&scenario).unwrap();
+        let log = parse(&[("log", &file("obs.csv"))], scenario.gas()).unwrap();
+        let options = gap::plume::Options::default();
+        gap::plume::analyse(&setup, &log, &options, &mut |_| ())
+            .unwrap()
+            .json
+    };
+    let intermittent = answer("028");
+    assert_eq!(
+        intermittent.verdict,
+        Verdict::None,
+        "{}",
+        intermittent.summary
+    );
+    // 1.06 of the mean are a standard deviation of the logarithm of .86.
+    assert!(intermittent.noise.unwrap().fluctuation > 0.5);
+    for (case, hidden) in [
+        ("058", &["background-gradient"][..]),
+        ("014", &["background-gradient", "sensor-offset"]),
+    ] {
+        let json = answer(case);
+        for mechanism in hidden {
+            let has_it = |c: &gap::verdict::Cause| c.mechanisms.iter().any(|m| m == mechanism);
+            assert!(json.causes.iter().any(has_it), "{case}: {}", json.summary);
+        }
+        assert_eq!(json.causes.len(), hidden.len(), "{case}: {}", json.summary);
     }
 }
 

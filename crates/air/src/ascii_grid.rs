@@ -2,6 +2,7 @@
 //! degrees of WGS84: small enough to lie beside a scenario.
 
 use crate::geo::Geodetic;
+use crate::terrain::of_land;
 
 /// Most posts of a grid: a tile of one arc-second has 12 967 201.
 const MOST_POSTS: usize = 13_000_000;
@@ -30,7 +31,8 @@ impl AsciiGrid {
         while let Some(name) = words.next_if(|w| w.starts_with(|c: char| c.is_ascii_alphabetic())) {
             let name = name.to_ascii_lowercase();
             let value = words.next().and_then(|w| w.parse().ok());
-            let value = value.filter(|v: &f64| v.is_finite());
+            let may_be_nan = name == "nodata_value";
+            let value = value.filter(|v: &f64| v.is_finite() || (may_be_nan && v.is_nan()));
             header.push((
                 name.clone(),
                 value.ok_or(format!("{name}: expected a number"))?,
@@ -56,13 +58,16 @@ impl AsciiGrid {
             None => needed(&format!("{axis}llcorner")).map(|corner| corner + 0.5 * step_deg),
         };
         let (west_deg, south_deg) = (edge('x')?, edge('y')?);
-        let none = key("nodata_value").unwrap_or(-9999.0);
-        let height = |word: &str| match word.parse::<f64>() {
-            Ok(value) if value == none => Ok(f32::NAN),
-            Ok(value) if value.is_finite() => Ok(value as f32),
-            _ => Err(format!("\"{word}\" among the heights; expected numbers")),
+        // As grids hold them: header and cells may print the same number with different digits.
+        let none = key("nodata_value").unwrap_or(-9999.0) as f32;
+        let height = |word: &str| {
+            let value: f32 = word
+                .parse()
+                .map_err(|_| format!("\"{word}\" among the heights; expected numbers"))?;
+            let is_land = value != none && of_land(f64::from(value)).is_some();
+            Ok(if is_land { value } else { f32::NAN })
         };
-        let heights_amsl_m: Vec<f32> = words.map(height).collect::<Result<_, _>>()?;
+        let heights_amsl_m: Vec<f32> = words.map(height).collect::<Result<_, String>>()?;
         let wanted = columns.saturating_mul(rows);
         if heights_amsl_m.len() != wanted || wanted > MOST_POSTS {
             let found = heights_amsl_m.len();
@@ -131,6 +136,32 @@ mod tests {
             .replace("corner 45.5", "center 46");
         let by_centre = AsciiGrid::parse(&by_centre).unwrap();
         assert_eq!(by_centre.corners_deg(), grid.corners_deg());
+    }
+
+    // Pairs of header and cell as GDAL, WindNinja and others print one number; the last cells are heights of no land.
+    #[test]
+    fn a_post_without_a_height_is_none_however_it_is_written() {
+        for (header, cell) in [
+            ("-9999", "-9999.000"),
+            ("-3.3999999521443642e+38", "-3.39999999999999996e+38"),
+            ("-3.4028234663852886e+38", "-3.402823e+38"),
+            ("nan", "nan"),
+            ("-9999", "nan"),
+            ("-9999", "-32768"),
+            ("-9999", "1e20"),
+            ("-9999", "-3.4e38"),
+            ("0", "0.0"),
+        ] {
+            let text = TEXT
+                .replace("NODATA_value -1", &format!("NODATA_value {header}"))
+                .replace(" -1 ", &format!(" {cell} "));
+            let grid = AsciiGrid::parse(&text).unwrap();
+            assert_eq!(grid.height_amsl_m(1, 1), None, "{header} {cell}");
+            assert_eq!(grid.height_amsl_m(1, 2), Some(60.0));
+        }
+        let below_the_sea = TEXT.replace(" -1 ", " -430 ");
+        let grid = AsciiGrid::parse(&below_the_sea).unwrap();
+        assert_eq!(grid.height_amsl_m(1, 1), Some(-430.0));
     }
 
     #[test]

@@ -5,8 +5,14 @@ use crate::ascii_grid::AsciiGrid;
 use crate::geo::Geodetic;
 use srtm_reader::{Resolution, Tile};
 
-/// Heights in a tile at or below this are voids, m: SRTM writes -32768, and no land is so low.
-const VOID_M: i16 = -1000;
+/// Heights outside this range are no land, m: the shore of the Dead Sea is at -440, Everest at 8849, and mines and errors
+/// of a model get some room. Files write voids as -32768, -9999, -3.4e38 or 1e20, whatever their header says.
+const LAND_M: std::ops::RangeInclusive<f64> = -1000.0..=9000.0;
+
+/// A height in a file, m above mean sea level; none where it is a void.
+pub(crate) fn of_land(height_m: f64) -> Option<f64> {
+    LAND_M.contains(&height_m).then_some(height_m)
+}
 
 /// The ground of a site.
 #[derive(Debug, Clone, PartialEq)]
@@ -178,7 +184,7 @@ fn height_of(tile: &Tile, row: usize, column: usize) -> Option<f64> {
     let height = *tile
         .data
         .get(row.min(side - 1) * side + column.min(side - 1))?;
-    (height > VOID_M).then(|| f64::from(height))
+    of_land(f64::from(height))
 }
 
 /// The height at a row and column between posts.

@@ -49,6 +49,7 @@ pub fn read<W: Write>(
     match run::run(&request(false), &mut writer) {
         Ok(report) => Ok((report, writer)),
         Err(ImportError::Disorder { .. }) => {
+            drop(writer);
             let mut writer = out()?;
             let report = run::run(&request(true), &mut writer).map_err(Failure::input)?;
             Ok((report, writer))

@@ -4,6 +4,7 @@ use crate::RecordError;
 use std::fs;
 use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Names of all outputs that a command may write into its folder.
 const OUTPUTS: [&str; 10] = [
@@ -107,6 +108,8 @@ pub fn write_set(files: &[(PathBuf, &[u8])]) -> Result<(), RecordError> {
 #[derive(Debug)]
 pub struct WholeFile {
     path: PathBuf,
+    /// Where it is written until it is placed: a name of its own, so that two begun for one path do not meet.
+    written: PathBuf,
     file: fs::File,
     placed: bool,
 }
@@ -117,9 +120,13 @@ impl WholeFile {
     /// # Errors
     /// [`RecordError::File`].
     pub fn create(path: &Path) -> Result<Self, RecordError> {
-        let file = fs::File::create(beside(path)).map_err(failed(path, "write"))?;
+        static BEGUN: AtomicUsize = AtomicUsize::new(0);
+        let number = BEGUN.fetch_add(1, Ordering::Relaxed);
+        let written = beside(path).with_extension(format!("{number}.tmp"));
+        let file = fs::File::create(&written).map_err(failed(path, "write"))?;
         Ok(Self {
             path: path.to_owned(),
+            written,
             file,
             placed: false,
         })
@@ -132,7 +139,7 @@ impl WholeFile {
     pub fn place(mut self) -> Result<(), RecordError> {
         let synced = self.file.sync_all();
         synced
-            .and_then(|()| fs::rename(beside(&self.path), &self.path))
+            .and_then(|()| fs::rename(&self.written, &self.path))
             .map_err(failed(&self.path, "write"))?;
         self.placed = true;
         Ok(())
@@ -153,7 +160,7 @@ impl Drop for WholeFile {
     fn drop(&mut self) {
         if !self.placed {
             // What is left of it is of no use; its removal may fail as well.
-            let _ = fs::remove_file(beside(&self.path));
+            let _ = fs::remove_file(&self.written);
         }
     }
 }

@@ -357,6 +357,53 @@ fn a_column_in_another_unit_is_asked_about() {
     assert_eq!(found.observations.readings(), 2000);
 }
 
+/// A car that drives for 100 s and then stands for 300, its receiver a tenth of a metre to and fro.
+fn car() -> Observations {
+    let drive = log();
+    let mut rows = Vec::new();
+    for row in &drive.rows {
+        let shift_s = 300.0 * (row.time_s / 100.0).floor();
+        let at = |later_s: f64, off_deg: f64| ObservationRow {
+            time_s: row.time_s + shift_s + later_s,
+            lat_deg: row.lat_deg + off_deg,
+            ..*row
+        };
+        rows.push(at(0.0, 0.0));
+        if row.time_s % 100.0 == 99.0 {
+            rows.extend((1..=300).map(|k| at(f64::from(k), 1e-6 * f64::from(k % 2))));
+        }
+    }
+    rows.sort_by(|a, b| {
+        (a.time_s, a.platform)
+            .partial_cmp(&(b.time_s, b.platform))
+            .unwrap()
+    });
+    Observations { rows, ..drive }
+}
+
+#[test]
+fn a_car_that_stands_most_of_the_time_has_its_times_in_seconds() {
+    let mut car = car();
+    let rows = car.rows.len();
+    let found = checked(&car);
+    assert!(
+        found.flaws.iter().all(|f| f.kind != Flaw::Unit),
+        "{:?}",
+        found.flaws
+    );
+    assert_eq!(found.observations.rows.len(), rows);
+    // The same in milliseconds.
+    car.rows.iter_mut().for_each(|r| r.time_s *= 1000.0);
+    let found = checked(&car);
+    assert!(
+        found
+            .flaws
+            .iter()
+            .any(|f| f.message.ends_with("(ms or ns?)"))
+    );
+    assert_eq!(found.observations.rows.len(), 0);
+}
+
 #[test]
 fn rows_without_a_fix_feed_nothing() {
     let clean = log();

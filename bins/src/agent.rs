@@ -54,7 +54,8 @@ pub struct BusArguments {
         help_heading = "Mission"
     )]
     pub duration: Option<f64>,
-    /// Gas that the sensors measure: co2, ch4, so2, co, no2, nh3, h2s or sf6 [default: that of the first source]
+    /// Gas that the sensors measure: co2, ch4, n2o and so on, or one of the scenario's [[gas]] [default:
+    /// that of the first source]
     #[arg(long, value_name = "GAS", help_heading = "Mission")]
     pub gas: Option<Gas>,
     /// Run in lockstep under `plumage conduct`, not in real time

@@ -27,7 +27,8 @@ pub struct CampaignArguments {
     /// Scenario to fly (TOML)
     #[arg(required = true)]
     pub scenario: Option<PathBuf>,
-    /// Gas that the sensors measure: co2, ch4, so2, co, no2, nh3, h2s or sf6 [default: that of the first source]
+    /// Gas that the sensors measure: co2, ch4, n2o and so on, or one of the scenario's [[gas]] [default:
+    /// that of the first source]
     #[arg(long, value_name = "GAS", help_heading = "Missions")]
     pub gas: Option<Gas>,
     /// Seeds to fly: a number (1 to 100000), a range such as 5..12, or a list such as 1,4,9

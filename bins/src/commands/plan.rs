@@ -36,7 +36,8 @@ pub struct PlanArguments {
     /// Air in these realities [default: the scenario's]
     #[arg(long, value_enum)]
     pub air: Option<Air>,
-    /// Gas that the sensors measure: co2, ch4, so2, co, no2, nh3, h2s or sf6 [default: that of the first source]
+    /// Gas that the sensors measure: co2, ch4, n2o and so on, or one of the scenario's [[gas]] [default:
+    /// that of the first source]
     #[arg(long, value_name = "GAS")]
     pub gas: Option<Gas>,
     /// Print plan.json, not text

@@ -56,7 +56,8 @@ pub struct RunArguments {
     /// with a live page and without --out]
     #[arg(long, allow_negative_numbers = true, help_heading = "Mission")]
     pub speed: Option<Speed>,
-    /// Gas that the sensors measure: co2, ch4, so2, co, no2, nh3, h2s or sf6 [default: that of the first source]
+    /// Gas that the sensors measure: co2, ch4, n2o and so on, or one of the scenario's [[gas]] [default:
+    /// that of the first source]
     #[arg(long, value_name = "GAS", help_heading = "Mission")]
     pub gas: Option<Gas>,
     /// Apply named causes to the simulated world while the mission flies

@@ -1,8 +1,8 @@
 //! What a scenario must hold, checked once, with the line of what is wrong.
 
 use crate::tables::{
-    AutopilotKind, BackgroundTable, FenceTable, MissionTable, OuterLoopKind, Scenario, SensorTable,
-    SensorTables, SourceShape, SourceTable, VehicleKind, VehicleTable, WeatherTable,
+    AutopilotKind, FenceTable, MissionTable, OuterLoopKind, Scenario, SensorTable, SensorTables,
+    SourceShape, SourceTable, VehicleKind, VehicleTable, WeatherTable,
 };
 use crate::{ScenarioError, line_and_column, uncertain};
 use plume::{Gas, Unit};
@@ -49,7 +49,8 @@ impl Scenario {
     /// Anything that is not a scenario, with line, column and what was expected.
     pub fn parse(file: &str, text: &str) -> Result<Self, ScenarioError> {
         let mut scenario: Self = toml::from_str(text).map_err(|e| syntax(file, text, &e))?;
-        let world = scenario.check().and_then(|()| {
+        let world = scenario.define_gases().and_then(|()| scenario.check());
+        let world = world.and_then(|()| {
             // The reality is checked as the whole scenario that it makes: its keys may be right by
             // themselves and wrong beside those that the scenario keeps.
             scenario.reality_scenario()?.check()
@@ -81,10 +82,10 @@ impl Scenario {
         }
         positive("plume.sigma_y_scale", self.plume.sigma_y_scale)?;
         positive("plume.sigma_z_scale", self.plume.sigma_z_scale)?;
-        background(&self.background)?;
+        background(self)?;
         sensors(&self.sensor)?;
         self.check_gases()?;
-        uncertain::check(&self.uncertain)?;
+        uncertain::check(self)?;
         vehicles(&self.vehicles)?;
         fence(&self.fence)?;
         if self.fence.follows_terrain && self.site.terrain.is_none() {
@@ -155,10 +156,11 @@ fn weather(weather: &WeatherTable) -> Checked {
 }
 
 /// Every key names a gas and a unit, and every gas once.
-fn background(background: &BackgroundTable) -> Checked {
+fn background(scenario: &Scenario) -> Checked {
+    let background = &scenario.background;
     for (name, &value) in &background.0 {
         let key = format!("background.{name}");
-        let Some((gas, unit)) = Gas::of_column(name) else {
+        let Some((gas, unit)) = scenario.gas_of_column(name) else {
             let known = Gas::ALL.map(|gas| gas.column(Unit::Ppm)).join(", ");
             return Err(Refusal::new(
                 key,

@@ -4,7 +4,7 @@
 use crate::check::Refusal;
 use crate::tables::Scenario;
 use crate::uncertain::Uncertain;
-use plume::{Gas, Unit};
+use plume::Unit;
 use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
 use toml::{Table, Value};
@@ -71,9 +71,11 @@ impl Scenario {
         let refuse = |e: String| Refusal::new("reality", e, "the scenario's own tables and keys");
         let mut merged = Table::try_from(&base).map_err(|e| refuse(e.to_string()))?;
         merge_table(&mut merged, differences);
-        merged
+        let mut reality: Scenario = merged
             .try_into()
-            .map_err(|e: toml::de::Error| refuse(e.message().to_owned()))
+            .map_err(|e: toml::de::Error| refuse(e.message().to_owned()))?;
+        reality.define_gases()?;
+        Ok(reality)
     }
 
     /// The world that stand-ins fly in, as a scenario of its own: this one where `[reality]` says
@@ -169,9 +171,13 @@ fn remove_alternative(old: &mut Table, new: &Table) {
         TABLES.iter().for_each(|key| drop(old.remove(*key)));
     }
     // A background given in one unit may be given in the other.
-    for (gas, unit) in new.keys().filter_map(|key| Gas::of_column(key)) {
-        let others = Unit::ALL.into_iter().filter(|other| *other != unit);
-        others.for_each(|other| drop(old.remove(gas.column(other))));
+    let [ppm, ppb] = Unit::ALL.map(|unit| format!("_{}", unit.as_str()));
+    for key in new.keys() {
+        for (unit, other) in [(&ppm, &ppb), (&ppb, &ppm)] {
+            if let Some(gas) = key.strip_suffix(unit.as_str()) {
+                old.remove(&format!("{gas}{other}"));
+            }
+        }
     }
     let by_numbers = ["wind_speed_m_s", "wind_from_deg"].map(|key| new.contains_key(key));
     if by_numbers.contains(&true) {

@@ -21,6 +21,9 @@ pub struct Scenario {
     /// The air.
     #[serde(default)]
     pub weather: WeatherTable,
+    /// Gases that the table of [`Gas`] does not have.
+    #[serde(default, rename = "gas", skip_serializing_if = "Vec::is_empty")]
+    pub gases: Vec<GasDefinition>,
     /// What emits; at least one.
     #[serde(rename = "source")]
     pub sources: Vec<SourceTable>,
@@ -320,6 +323,23 @@ impl Default for PlumeTable {
     }
 }
 
+/// `[[gas]]`: a gas that the table of [`Gas`] does not have.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table")]
+pub struct GasDefinition {
+    /// Its name, as sources, sensors and columns have it.
+    pub name: String,
+    /// Molar mass, g/mol.
+    pub molar_mass_g_mol: f64,
+}
+
+impl GasDefinition {
+    /// The gas; none where the name cannot be one, or is in the table.
+    pub fn gas(&self) -> Option<Gas> {
+        Gas::other(&self.name, self.molar_mass_g_mol * 1e-3)
+    }
+}
+
 /// `[background]`: the air without the sources, `<gas>_ppm` or `<gas>_ppb` of each gas.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
@@ -351,17 +371,22 @@ impl BackgroundTable {
     }
 }
 
-/// Mole fraction in air far from sources, ppm. CO2, CH4 and SF6: about the global means of NOAA's Global
-/// Monitoring Laboratory for 2024 (422 ppm, 1.93 ppm, 11.8 ppt). The others: of the size that rural air has
-/// (Seinfeld and Pandis 2016, chapter 2).
+/// Mole fraction in air far from sources, ppm. CO2, CH4, N2O and SF6: about the global means of NOAA's Global
+/// Monitoring Laboratory for 2024 (422 ppm, 1.93 ppm, 338 ppb, 11.8 ppt). The others: of the size that rural air has
+/// (Seinfeld and Pandis 2016, chapter 2; H2: Novelli et al. 1999, doi 10.1029/1999JD900788). Of a gas that is not in the
+/// table nothing is known: none.
 fn usual_background_ppm(gas: Gas) -> f64 {
     match gas {
         Gas::Co2 => 420.0,
         Gas::Ch4 => 1.93,
         Gas::Co => 0.12,
         Gas::So2 | Gas::No2 | Gas::Nh3 => 1e-3,
-        Gas::H2s => 1e-4,
+        Gas::H2s | Gas::Hcl | Gas::C2h2 => 1e-4,
         Gas::Sf6 => 1.2e-5,
+        Gas::N2o => 0.338,
+        Gas::C2h6 => 1.5e-3,
+        Gas::H2 => 0.53,
+        Gas::Other(_) => 0.0,
     }
 }
 
@@ -411,13 +436,13 @@ impl SensorTable {
 /// White noise of a sensor that small aircraft carry, ppm. CO2: infrared, 3 ppm (Reuter et al. 2021, doi
 /// 10.5194/amt-14-153-2021). CH4: laser at 1 Hz, 1 ppb (Dooley et al. 2024, doi 10.5194/amt-17-5091-2024), and
 /// as much again for what the aircraft does to it. SF6: fast analyser of tracer trials, 10 ppt (Benner and Lamb
-/// 1985, doi 10.1175/1520-0426(1985)002<0582:AFRCAF>2.0.CO;2). The others: electrochemical cells, some ppb
-/// (Mead et al. 2013, doi 10.1016/j.atmosenv.2012.11.060).
+/// 1985, doi 10.1175/1520-0426(1985)002<0582:AFRCAF>2.0.CO;2). N2O, C2H6, C2H2 and HCl: lasers of the same kind as for
+/// CH4. The others: electrochemical cells, some ppb (Mead et al. 2013, doi 10.1016/j.atmosenv.2012.11.060).
 fn usual_noise_sd_ppm(gas: Gas) -> f64 {
     match gas {
         Gas::Co2 => 3.0,
-        Gas::Ch4 => 2e-3,
-        Gas::Co | Gas::So2 | Gas::No2 | Gas::Nh3 | Gas::H2s => 5e-3,
+        Gas::Ch4 | Gas::N2o | Gas::C2h6 | Gas::C2h2 | Gas::Hcl => 2e-3,
+        Gas::Co | Gas::So2 | Gas::No2 | Gas::Nh3 | Gas::H2s | Gas::H2 | Gas::Other(_) => 5e-3,
         Gas::Sf6 => 1e-5,
     }
 }

@@ -1,8 +1,8 @@
 //! Priors of the parameters that a scenario marks as uncertain.
 
+use crate::Scenario;
 use crate::check::{Refusal, within};
 use plume::{Gas, Unit};
-use std::collections::BTreeMap;
 
 /// A parameter of the base model that may be marked uncertain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -99,14 +99,14 @@ fn in_ppb(key: &str) -> Option<String> {
 /// Before the name of a background's column.
 const BACKGROUND: &str = "background.";
 
-fn is_known(key: &str) -> bool {
-    let background = || key.strip_prefix(BACKGROUND).and_then(Gas::of_column);
+fn is_known(scenario: &Scenario, key: &str) -> bool {
+    let background = || scenario.gas_of_column(key.strip_prefix(BACKGROUND)?);
     Uncertain::ALL.iter().any(|u| u.key(Gas::Co2) == key) || background().is_some()
 }
 
-pub(crate) fn check(uncertain: &BTreeMap<String, f64>) -> Result<(), Refusal> {
-    for (key, &sd) in uncertain {
-        if !is_known(key) {
+pub(crate) fn check(scenario: &Scenario) -> Result<(), Refusal> {
+    for (key, &sd) in &scenario.uncertain {
+        if !is_known(scenario, key) {
             let known: Vec<String> = Uncertain::ALL.iter().map(|u| u.key(Gas::Co2)).collect();
             return Err(Refusal::new(
                 format!("uncertain.{key}"),

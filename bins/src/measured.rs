@@ -2,6 +2,7 @@
 
 use crate::{Failure, importing};
 use gap::flight::log::FlightLog;
+use mission::Setup;
 use plume::Gas;
 use protocol::text::printable;
 use scenario::observations::{self, DataQuality, Observations};
@@ -15,6 +16,20 @@ pub use tasks::measured::{AircraftFile, fill_wind};
 /// A file that cannot be read or holds no observations, with line and column.
 pub fn load(files: &[PathBuf], gas: Gas) -> Result<Observations, Failure> {
     measured::load(files, gas).map_err(Failure::input)
+}
+
+/// As [`measured::weather_over`] for the observations in `files`.
+///
+/// # Errors
+/// Weather at times that cannot be compared with those of the observations, or that share none with them.
+pub fn weather_over(
+    setup: Setup,
+    observations: &mut Observations,
+    files: &[PathBuf],
+) -> Result<Setup, Failure> {
+    let is_recording = |file: &PathBuf| file.extension().is_some_and(|e| e == "mcap");
+    let are_recordings = files.iter().all(is_recording);
+    measured::weather_over(setup, observations, are_recordings).map_err(Failure::input)
 }
 
 /// Reads the readings of `gas` in all `files` as one set of observations: by the mapping file `map` as logs, or else as Plumage's own.

@@ -54,6 +54,11 @@ fn texts(sources: Vec<Source>) -> PyResult<Vec<Text>> {
     texts.collect::<Result<_, _>>().map_err(error::of_task)
 }
 
+/// Whether all are recordings of missions.
+fn recorded(texts: &[Text]) -> bool {
+    texts.iter().all(|t| t.name.ends_with(".mcap"))
+}
+
 /// An earlier finding: the text of a `gap.json`.
 fn earlier(json: Option<&str>) -> PyResult<Option<Earlier>> {
     let earlier = json.map(|text| Earlier::parse("apply", text));
@@ -87,6 +92,7 @@ pub(crate) fn gap_plume<'py>(
     let setup = &scenario.setup;
     let found = py.detach(|| -> Result<_, TaskError> {
         let mut observations = measured::of_texts(&texts, setup.scenario.gas())?;
+        let setup = &measured::weather_over(setup.clone(), &mut observations, recorded(&texts))?;
         let by_series = measured::fill_wind(&mut observations, setup)?;
         let question = Question {
             setup,
@@ -172,7 +178,9 @@ pub(crate) fn calibrate<'py>(
     let texts = texts(sources)?;
     let setup = &scenario.setup;
     let found = py.detach(|| -> Result<_, TaskError> {
-        let observations = measured::of_texts(&texts, setup.scenario.gas())?;
+        let mut observations = measured::of_texts(&texts, setup.scenario.gas())?;
+        let setup = &measured::weather_over(setup.clone(), &mut observations, recorded(&texts))?;
+        measured::fill_wind(&mut observations, setup)?;
         let found = calibration::of(setup, &observations, reference)?;
         Ok((found, observations.notices))
     });

@@ -23,7 +23,8 @@ pub struct CalibrateArguments {
     /// Scenario to calibrate (TOML)
     #[arg(long, value_name = "FILE", help_heading = "Input")]
     pub scenario: PathBuf,
-    /// Gas to use from the observations: co2, ch4, so2, co, no2, nh3, h2s or sf6 [default: that of the first source]
+    /// Gas to use from the observations: co2, ch4, n2o and so on, or one of the scenario's [[gas]] [default:
+    /// that of the first source]
     #[arg(long, value_name = "GAS", help_heading = "Input")]
     pub gas: Option<Gas>,
     /// Platform whose sensor is the reference for the others
@@ -44,11 +45,14 @@ pub struct CalibrateArguments {
 pub fn calibrate(arguments: &CalibrateArguments) -> Result<(), Failure> {
     let setup = mission_files::load(&arguments.scenario)?;
     let setup = mission_files::for_gas(setup, arguments.gas)?;
-    let observations = measured::load_by(
+    let mut observations = measured::load_by(
         &arguments.observations,
         setup.scenario.gas(),
         arguments.map.as_deref(),
     )?;
+    let files = &arguments.observations;
+    let setup = measured::weather_over(setup, &mut observations, files)?;
+    measured::fill_wind(&mut observations, &setup).map_err(Failure::input)?;
     measured::tell(&observations.notices);
     let reference = arguments.reference.as_deref();
     let waiting = Waiting::new("calibrating the scenario");

@@ -20,7 +20,8 @@ pub struct FluxArguments {
     /// Scenario with site, weather and source (TOML)
     #[arg(long, value_name = "FILE", help_heading = "Input")]
     pub scenario: PathBuf,
-    /// Gas to use from the observations: co2, ch4, so2, co, no2, nh3, h2s or sf6 [default: that of the first source]
+    /// Gas to use from the observations: co2, ch4, n2o and so on, or one of the scenario's [[gas]] [default:
+    /// that of the first source]
     #[arg(long, value_name = "GAS", help_heading = "Input")]
     pub gas: Option<Gas>,
     /// Method: point (one sensor at rest with a wind log), curtain (passes at several heights), or auto (every method
@@ -73,6 +74,8 @@ pub fn flux(arguments: &FluxArguments) -> Result<(), Failure> {
         setup.scenario.gas(),
         arguments.map.as_deref(),
     )?;
+    let files = &arguments.observations;
+    let setup = measured::weather_over(setup, &mut observations, files)?;
     measured::fill_wind(&mut observations, &setup).map_err(Failure::input)?;
     measured::tell(&observations.notices);
     let inputs: Vec<Input> = arguments

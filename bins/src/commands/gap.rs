@@ -39,7 +39,8 @@ pub struct PlumeArguments {
     /// Scenario with the site and the base model (TOML)
     #[arg(long, value_name = "FILE", help_heading = "Input")]
     pub scenario: PathBuf,
-    /// Gas to use from the observations: co2, ch4, so2, co, no2, nh3, h2s or sf6 [default: that of the first source]
+    /// Gas to use from the observations: co2, ch4, n2o and so on, or one of the scenario's [[gas]] [default:
+    /// that of the first source]
     #[arg(long, value_name = "GAS", help_heading = "Input")]
     pub gas: Option<::plume::Gas>,
     /// Score the causes in this gap.json, found with other readings, without fitting them again
@@ -114,6 +115,8 @@ fn of_plume(arguments: &PlumeArguments) -> Result<(), Failure> {
         setup.scenario.gas(),
         arguments.map.as_deref(),
     )?;
+    let files = &arguments.observations;
+    let setup = measured::weather_over(setup, &mut observations, files)?;
     let by_series = measured::fill_wind(&mut observations, &setup).map_err(Failure::input)?;
     measured::tell(&observations.notices);
     let apply = arguments.apply.as_deref();

@@ -11,7 +11,7 @@ use plume::stability::Stability;
 use scenario::Scenario;
 use scenario::airspace::Airspace;
 use scenario::tables::{BUILT_IN_AIRCRAFT, OuterLoopKind, VehicleKind};
-use scenario::weather::WeatherReports;
+use scenario::weather::{ObservedTimes, WeatherReports};
 use stand_in::{StandInConfig, TeamVehicle};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -170,6 +170,49 @@ impl Setup {
             reality_wind_series,
             terrain,
         })
+    }
+
+    /// The same with the weather of `weather.series` at the times of observations from `from_s` to `to_s`, and a notice
+    /// where they reach beyond it. Their times count from 1970, or else from `mission.start`.
+    ///
+    /// # Errors
+    /// A wind that changes, at times that cannot be compared with those of the observations, or that share none with
+    /// them.
+    pub fn at_times(
+        mut self,
+        from_s: f64,
+        to_s: f64,
+    ) -> Result<(Self, Option<String>), MissionError> {
+        let name = self.scenario.weather.series.as_ref();
+        let Some((name, bytes)) = name.and_then(|n| self.files.get_key_value(n)) else {
+            return Ok((self, None));
+        };
+        let start_ns = self.scenario.mission.start_unix_ns();
+        let times = ObservedTimes {
+            span_s: (from_s, to_s),
+            start_unix_s: start_ns.map(|ns| ns as f64 * 1e-9),
+        };
+        let text = String::from_utf8_lossy(bytes);
+        let read = || {
+            let profile = self.scenario.wind_profile().map_err(|e| e.to_string())?;
+            let read = WeatherReports::at_times(&text, &profile, times);
+            let Some((reports, notice)) = read.map_err(|e| e.to_string())? else {
+                return Ok(None);
+            };
+            let series = reports.series(&profile, None).map_err(|e| e.to_string())?;
+            Ok(Some((series, reports.classes(None), notice)))
+        };
+        let read = read().map_err(|why: String| MissionError::File {
+            file: name.clone(),
+            why,
+            named_by: "weather.series".to_owned(),
+        })?;
+        let Some((series, classes, notice)) = read else {
+            return Ok((self, None));
+        };
+        self.wind_series = Some(series);
+        self.classes = classes;
+        Ok((self, notice))
     }
 
     /// Makes exactly `count` of the team's vehicles stand-ins, the last ones, and the others

@@ -2,7 +2,10 @@
 
 mod csv_table;
 mod metar;
+mod observed;
 mod open_meteo;
+
+pub use observed::ObservedTimes;
 
 use air::AirError;
 use air::geo::{Enu, Geodetic, LocalFrame};

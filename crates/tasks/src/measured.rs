@@ -50,6 +50,28 @@ pub fn of_texts(texts: &[Text], gas: Gas) -> Result<Observations, TaskError> {
     Ok(all)
 }
 
+/// `setup` with the weather of its series at the times of `observations`, which get a notice where they reach beyond it.
+/// Those that `are_recordings` count from the start of a mission, as the series did when it was flown.
+///
+/// # Errors
+/// Weather at times that cannot be compared with those of the observations, or that share none with them.
+pub fn weather_over(
+    setup: Setup,
+    observations: &mut Observations,
+    are_recordings: bool,
+) -> Result<Setup, TaskError> {
+    let times = || observations.rows.iter().map(|r| r.time_s);
+    let (Some(from_s), Some(to_s)) = (times().reduce(f64::min), times().reduce(f64::max)) else {
+        return Ok(setup);
+    };
+    if are_recordings {
+        return Ok(setup);
+    }
+    let (setup, notice) = setup.at_times(from_s, to_s)?;
+    observations.notices.extend(notice);
+    Ok(setup)
+}
+
 /// Where nobody logged the wind and the scenario has a series of it, that is the log: put into every
 /// row, at its height. Whether it was.
 ///

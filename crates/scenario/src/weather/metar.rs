@@ -21,7 +21,9 @@ const CALM_M_S: f64 = 0.5 * KNOT_M_S;
 /// The day near which reports of no known month are: what is between them counts, not when they are.
 const SOME_DAY_S: f64 = 15.0 * DAY_S;
 /// Groups after which a report tells of other times, or in words.
-const ENDS: [&str; 4] = ["RMK", "BECMG", "TEMPO", "NOSIG"];
+const ENDS: [&str; 5] = ["RMK", "BECMG", "TEMPO", "NOSIG", "TAF"];
+/// Words between `TAF` and the aerodrome: amended, corrected, cancelled.
+const FORECAST_KINDS: [&str; 3] = ["AMD", "COR", "CNL"];
 
 /// Reads all reports of a text; words around them are passed over.
 pub(super) fn parse(text: &str, near_unix_s: Option<f64>) -> Result<WeatherReports, WeatherError> {
@@ -44,6 +46,9 @@ pub(super) fn parse(text: &str, near_unix_s: Option<f64>) -> Result<WeatherRepor
     for (n, &start) in starts.iter().enumerate() {
         let end = starts.get(n + 1).copied().unwrap_or(groups.len());
         let own = &groups[start + 1..end];
+        if is_forecast(&groups[..start], own) {
+            continue;
+        }
         let own: Vec<&str> = own
             .iter()
             .copied()
@@ -102,6 +107,20 @@ pub(super) fn parse(text: &str, near_unix_s: Option<f64>) -> Result<WeatherRepor
         as_of_s,
         reports,
     })
+}
+
+/// Whether the report is a forecast of an aerodrome (TAF): `TAF` stands before it, also with AMD or COR, or behind its
+/// time the period that it is for, `2712/2812` (ICAO Annex 3, appendix 5; WMO-No. 306, FM 51).
+fn is_forecast(before: &[&str], own: &[&str]) -> bool {
+    let mut before = before
+        .iter()
+        .rev()
+        .skip_while(|g| is_station(g) || FORECAST_KINDS.contains(g));
+    let is_period = |group: &&str| {
+        let parts = group.split_once('/');
+        parts.is_some_and(|(from, to)| [from, to].iter().all(|p| p.len() == 4 && all_digits(p)))
+    };
+    before.next() == Some(&"TAF") || own.first().is_some_and(is_period)
 }
 
 /// A location indicator, as `LEST`.
@@ -284,6 +303,32 @@ mod tests {
         assert_eq!(apart(&read), 1800.0);
         let newest_first = "METAR LEST 010000Z 25012KT\nMETAR LEST 312330Z 24010KT\n";
         assert_eq!(apart(&parse(newest_first, None).unwrap()), -1800.0);
+    }
+
+    // The METAR and TAF of ICAO Annex 3 (examples A3-1 and A5-1, the latter with its present form of period), and a TAF
+    // as aviationweather.gov prints it.
+    #[test]
+    fn a_forecast_is_no_report() {
+        let metar = "METAR YUDO 151600Z 24004MPS 0600 17/16 Q1018=\n";
+        for taf in [
+            "TAF YUDO 151800Z 1600/1618 13005MPS 9000 BKN020 BECMG 1606/1608 SCT015CB BKN020 TEMPO 1608/1612 \
+             17006G12MPS 1000 TSRA=",
+            "TAF AMD YUDO 151800Z 1600/1618 13018KT=",
+            "TAF COR YUDO 151800Z 160018 13018KT=",
+            "YUDO 151800Z 1600/1618 13018KT P6SM FM160400 15025KT",
+        ] {
+            for text in [format!("{metar}{taf}"), format!("{taf}\n{metar}")] {
+                let read = only(&text);
+                assert_eq!(read.wind.from_deg, Some(240.0), "{text}");
+                assert_eq!(read.temperature_c, Some(17.0));
+            }
+            assert!(
+                parse(taf, near())
+                    .unwrap_err()
+                    .to_string()
+                    .contains("no report")
+            );
+        }
     }
 
     #[test]

@@ -15,7 +15,11 @@ const BUFFER: usize = 1 << 20;
 
 /// Arguments of `plumage import`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example: plumage import track.gpx gas.csv --out obs.csv")]
+#[command(
+    after_help = "Example: plumage import track.gpx gas.csv --out obs.csv\n\nThe mapping file also states wind as \
+                  components, places in UTM or local metres, a column for each sensor, and further gases; see \
+                  docs/data.md."
+)]
 pub struct ImportArguments {
     /// Logs to convert; tracks and gas logs are joined by time
     #[arg(required = true, value_name = "FILE")]
@@ -23,7 +27,7 @@ pub struct ImportArguments {
     /// Observations or flight to write (CSV); FILE.import.toml, next to it, is a mapping file that repeats the import
     #[arg(long, value_name = "FILE", help_heading = "Outputs")]
     pub out: PathBuf,
-    /// Mapping file (TOML): names, units and datums of the columns
+    /// Mapping file (TOML): names, units and datums of the columns; wind as components, places in metres, sensors
     #[arg(long, value_name = "FILE", help_heading = "Columns")]
     pub map: Option<PathBuf>,
     /// Format of a text log: airdata, dji, sniffer4d, picarro, licor-7810, licor-850, aeris, ndbc or toa5 [default:

@@ -6,9 +6,9 @@
 //! must not. The geoid's undulation is taken as constant over the site.
 
 /// Semi-major axis of the WGS84 ellipsoid, m.
-const SEMI_MAJOR_M: f64 = 6_378_137.0;
+pub(crate) const SEMI_MAJOR_M: f64 = 6_378_137.0;
 /// Flattening of the WGS84 ellipsoid.
-const FLATTENING: f64 = 1.0 / 298.257_223_563;
+pub(crate) const FLATTENING: f64 = 1.0 / 298.257_223_563;
 /// First eccentricity squared of the WGS84 ellipsoid.
 const ECCENTRICITY_SQ: f64 = FLATTENING * (2.0 - FLATTENING);
 

@@ -39,7 +39,7 @@
 //! ```
 //!
 //! [`wind::WindSeries`] is a wind that changes in time, [`eddies`] what makes it meander over minutes,
-//! [`dryden`] the gusts on top of both, [`terrain`] the ground from an SRTM tile, and [`area`] what lies inside a fence.
+//! [`dryden`] the gusts on top of both, [`terrain`] the ground from an SRTM tile, [`utm`] places by easting and northing, and [`area`] what lies inside a fence.
 
 pub mod area;
 pub mod ascii_grid;
@@ -48,6 +48,7 @@ pub mod eddies;
 pub mod geo;
 pub mod isa;
 pub mod terrain;
+pub mod utm;
 pub mod wind;
 
 /// Standard acceleration of gravity, m/s² (ISO 80000-3).

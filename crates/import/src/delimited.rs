@@ -4,8 +4,10 @@
 //! held nowhere.
 
 pub mod clock;
+pub mod grid;
 pub mod layout;
 pub mod plan;
+pub mod vector;
 
 use crate::ImportError;
 use crate::decode;
@@ -16,7 +18,7 @@ use crate::quantity::Quantity;
 use crate::sink::Sink;
 use formats::delimited::{Cells, Records};
 use layout::Layout;
-use plan::{Plan, Source};
+use plan::{Column, Member, Plan, Source};
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read};
 
@@ -133,10 +135,10 @@ impl<'a> Delimited<'a> {
 
     /// The columns that come out, by their places in the plan: those of `wanted` that the log has.
     pub fn columns(&self) -> Vec<&'static Quantity> {
-        self.plan.columns.iter().map(|c| c.quantity).collect()
+        self.plan.quantities()
     }
 
-    /// Hands all rows to `sink`, which takes the columns at the places `taken` of the plan.
+    /// Hands all rows to `sink`, which takes the columns at the places `taken` of [`Self::columns`].
     ///
     /// # Errors
     /// Rows that cannot be read, that run back in time unless they `may_run_back`, or the sink's.
@@ -148,18 +150,31 @@ impl<'a> Delimited<'a> {
     ) -> Result<Outcome, ImportError> {
         let (delimiter, first_line) = (self.layout.delimiter, self.layout.rows_line);
         let mut records = Records::new(self.rest, delimiter, first_line, true);
-        let mut clock = self.plan.clock;
-        let columns: Vec<_> = taken.iter().map(|t| &self.plan.columns[*t]).collect();
+        let mut clock = self.plan.clock.clone();
+        let quantities = self.plan.quantities();
+        let wanted: Vec<&str> = taken.iter().map(|t| quantities[*t].name).collect();
+        let members: Vec<(&Member, Vec<Option<&Column>>)> = self
+            .plan
+            .members
+            .iter()
+            .map(|member| {
+                let of = |name: &&str| member.columns.iter().find(|c| c.quantity.name == *name);
+                (member, wanted.iter().map(of).collect())
+            })
+            .collect();
         // Who sorts spreads afterwards.
         let stamps = if may_run_back {
             Stamps::AS_THEY_ARE
         } else {
             self.stamps
         };
-        let mut order = InOrder::new(sink, &self.name, stamps, columns.len(), may_run_back);
-        let fixed = order.platform(&self.platform);
-        let mut tally = Tally::new(columns.len());
-        let mut values = vec![f64::NAN; columns.len()];
+        let mut order = InOrder::new(sink, &self.name, stamps, wanted.len(), may_run_back);
+        let fixed: Vec<usize> = members
+            .iter()
+            .map(|(m, _)| order.platform(m.platform.as_ref().unwrap_or(&self.platform)))
+            .collect();
+        let mut tally = Tally::new(wanted.len());
+        let mut values = vec![f64::NAN; wanted.len()];
         while let Some(line) = records
             .next_line()
             .map_err(ImportError::bytes(&self.name))?
@@ -172,35 +187,44 @@ impl<'a> Delimited<'a> {
                 tally.no_time(line, cells, &self.layout);
                 continue;
             };
-            for (k, (column, value)) in columns.iter().zip(&mut values).enumerate() {
-                *value = match column.source {
-                    Source::Value(value) => value,
-                    Source::Cell(at) => {
-                        let cell = cells.get(at);
-                        match column.value(cell, self.layout.decimal_comma) {
-                            _ if self.missing.iter().any(|m| m == cell)
-                                || column.is_missing(cell) =>
-                            {
-                                f64::NAN
-                            }
-                            Some(value) => {
-                                column.side.map_or(value, |s| sided(value, cells.get(s)))
-                            }
-                            None => tally.no_number(k, cell, line),
-                        }
-                    }
-                };
-            }
-            let platform = match self.plan.platform.map(|at| cells.get(at)) {
-                Some(cell) if !cell.is_empty() => order.platform(&decode::letters(cell)),
-                _ => fixed,
-            };
+            let named = self.plan.platform.map(|at| cells.get(at));
+            let named = named.filter(|cell| !cell.is_empty());
             tally.rows += 1;
-            order.row(time_s, platform, &values, line)?;
+            for ((member, columns), fixed) in members.iter().zip(&fixed) {
+                let vectors = member.vectors.of_row(cells);
+                for (k, (column, value)) in columns.iter().zip(&mut values).enumerate() {
+                    let Some(column) = column else {
+                        *value = f64::NAN;
+                        continue;
+                    };
+                    *value = match column.source {
+                        Source::Value(value) => value,
+                        Source::Derived(part) => column.of_derived(vectors[part as usize]),
+                        Source::Cell(at) => {
+                            let cell = cells.get(at);
+                            match column.value(cell, self.layout.decimal_comma) {
+                                _ if self.missing.iter().any(|m| m == cell)
+                                    || column.is_missing(cell) =>
+                                {
+                                    f64::NAN
+                                }
+                                Some(value) => {
+                                    column.side.map_or(value, |s| sided(value, cells.get(s)))
+                                }
+                                None => tally.no_number(k, cell, line),
+                            }
+                        }
+                    };
+                }
+                let platform = match named {
+                    Some(cell) => order.platform(&decode::letters(cell)),
+                    None => *fixed,
+                };
+                order.row(time_s, platform, &values, line)?;
+            }
         }
         let (done, platforms) = order.finish()?;
-        let headers: Vec<&str> = columns.iter().map(|c| c.quantity.name).collect();
-        let mut outcome = tally.outcome(&self.name, &headers)?;
+        let mut outcome = tally.outcome(&self.name, &wanted)?;
         outcome.notices.extend(done.notice(stamps));
         outcome.platforms = platforms;
         Ok(outcome)

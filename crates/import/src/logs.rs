@@ -3,6 +3,7 @@
 pub mod dataflash;
 pub mod netcdf;
 pub mod ros;
+pub mod spreadsheet;
 pub mod tlog;
 pub mod track;
 pub mod ulog;
@@ -28,6 +29,10 @@ pub struct SeriesLog {
     pub is_absolute: bool,
     /// What was found, in words.
     pub notices: Vec<String>,
+    /// Name of the platform, where the log has several.
+    pub platform: Option<String>,
+    /// What this log shows of its columns, beside what is [known](Format::known) of its format.
+    pub known: LogMap,
 }
 
 /// A kind of log.
@@ -49,6 +54,8 @@ pub enum Format {
     NetCdf,
     /// ROS 2 in MCAP.
     Ros,
+    /// A spreadsheet, which is read as text.
+    Spreadsheet,
 }
 
 /// Bytes by which a format is told.
@@ -73,6 +80,7 @@ impl Format {
             ),
             [b'C', b'D', b'F', 1 | 2 | 5, ..] => Ok(Self::NetCdf),
             [0x89, b'M', b'C', b'A', b'P', ..] => Ok(Self::Ros),
+            _ if spreadsheet::is_spreadsheet(head) => Ok(Self::Spreadsheet),
             [b'P', b'K', 3, 4, ..] => refused(
                 "a compressed file (zip, or a spreadsheet such as xlsx, or kmz)",
                 "unpack it, or save the spreadsheet as CSV",
@@ -88,7 +96,7 @@ impl Format {
         }
     }
 
-    /// Reads a log of this format, keeping the series that are `wanted`.
+    /// Reads a log of this format, keeping the series that `map` names: one for each platform.
     ///
     /// # Errors
     /// Bytes that are no such log, with where and what to do.
@@ -96,18 +104,26 @@ impl Format {
         self,
         name: &str,
         bytes: Box<dyn Read + '_>,
-        wanted: &Wanted,
-    ) -> Result<SeriesLog, ImportError> {
-        match self {
+        map: &LogMap,
+    ) -> Result<Vec<SeriesLog>, ImportError> {
+        let wanted = &Wanted::of(map);
+        let log = match self {
             Self::Ulog => ulog::read(name, bytes, wanted),
             Self::DataFlash => dataflash::read(name, bytes, wanted),
             Self::Tlog => tlog::read(name, bytes, wanted),
             Self::Gpx => track::gpx(name, bytes),
             Self::Kml => track::kml(name, bytes),
             Self::NetCdf => netcdf::read(name, bytes),
-            Self::Ros => ros::read(name, bytes, wanted),
-            Self::Text => Err(ImportError::log(name, "text", "read it as text")),
-        }
+            Self::Ros => {
+                let lat = map.column.get("lat_deg").and_then(|c| c.from.as_ref());
+                let position = lat.and_then(|n| n.all().first());
+                return ros::read(name, bytes, wanted, position.map(String::as_str));
+            }
+            Self::Text | Self::Spreadsheet => {
+                Err(ImportError::log(name, "text", "read it as text"))
+            }
+        };
+        log.map(|log| vec![log])
     }
 
     /// What is known of the columns of such logs.
@@ -118,8 +134,7 @@ impl Format {
             Self::Tlog => tlog::KNOWN,
             Self::Gpx | Self::Kml => track::KNOWN,
             Self::NetCdf => netcdf::KNOWN,
-            Self::Ros => ros::KNOWN,
-            Self::Text => &[],
+            Self::Ros | Self::Text | Self::Spreadsheet => &[],
         };
         let mut map = LogMap::default();
         if self == Self::NetCdf {
@@ -134,15 +149,21 @@ impl Format {
         let is_autopilot = matches!(self, Self::Ulog | Self::DataFlash | Self::Tlog);
         for (column, from, unit) in columns {
             let from: Vec<String> = from.split(' ').map(str::to_owned).collect();
-            let known = ColumnMap {
-                from: Some(Names::Many(from)),
-                unit: Some((*unit).to_owned()).filter(|u| !u.is_empty()),
-                datum: Some(Datum::Amsl).filter(|_| is_autopilot && *column == "alt_amsl_m"),
-                ..ColumnMap::default()
-            };
+            let datum = Some(Datum::Amsl).filter(|_| is_autopilot && *column == "alt_amsl_m");
+            let known = known_column(from, unit, datum);
             map.column.insert((*column).to_owned(), known);
         }
         map
+    }
+}
+
+/// A column that is one of the series `from`, the first that is there; with an empty unit where the log says it.
+pub(crate) fn known_column(from: Vec<String>, unit: &str, datum: Option<Datum>) -> ColumnMap {
+    ColumnMap {
+        from: Some(Names::Many(from)),
+        unit: Some(unit.to_owned()).filter(|u| !u.is_empty()),
+        datum,
+        ..ColumnMap::default()
     }
 }
 
@@ -223,6 +244,7 @@ impl Collected {
             series: self.finish(ahead_s.unwrap_or(0.0)),
             is_absolute: ahead_s.is_some(),
             notices,
+            ..SeriesLog::default()
         }
     }
 

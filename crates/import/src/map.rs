@@ -94,9 +94,108 @@ pub struct LogMap {
     /// Pressure to which masses of gas in a volume refer, hPa.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mass_pressure_hpa: Option<f64>,
+    /// The wind where the log has its components.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub wind: Option<WindMap>,
+    /// Places where the log has them in metres east and north.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub position: Option<PositionMap>,
+    /// The sensors of a log that has a column for each.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub sensor: Vec<SensorMap>,
     /// What is stated of Plumage's columns, by their names.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub column: BTreeMap<String, ColumnMap>,
+}
+
+/// Columns of the components of the wind, positive in the direction *towards* which it blows; behind a minus sign, the
+/// opposite. Either east and north, or right and forward of a platform with its yaw.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct WindMap {
+    /// Towards east.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub east: Option<String>,
+    /// Towards north.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub north: Option<String>,
+    /// Towards the platform's right.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub right: Option<String>,
+    /// Towards the platform's front.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub forward: Option<String>,
+    /// The platform's heading, degrees clockwise from true north.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub yaw: Option<String>,
+    /// The platform's velocity towards east, to be added: the wind was measured against the moving platform.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub vel_east: Option<String>,
+    /// The same towards north.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub vel_north: Option<String>,
+    /// Unit of components and velocities, where their headers name none: `m/s`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unit: Option<String>,
+}
+
+/// Columns of places in metres east and north of a zone of UTM or of a place.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PositionMap {
+    /// Column of the easting, m.
+    pub east: String,
+    /// Column of the northing, m.
+    pub north: String,
+    /// Zone of UTM: its number and N or S, the hemisphere.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub utm_zone: Option<String>,
+    /// Latitude of the place that metres count from, degrees.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub origin_lat_deg: Option<f64>,
+    /// Longitude of that place, degrees.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub origin_lon_deg: Option<f64>,
+}
+
+/// A sensor of a log that has a column for each: a platform that stands.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SensorMap {
+    /// Name of its platform.
+    pub platform: String,
+    /// Its latitude, degrees; that of the log's column where left out, as the other two.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lat_deg: Option<f64>,
+    /// Its longitude, degrees.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lon_deg: Option<f64>,
+    /// Its altitude, m above mean sea level.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub alt_amsl_m: Option<f64>,
+    /// The log's columns that are its own, by the names of Plumage's: `{ ch4_ppm = "CH4 north" }`.
+    pub from: BTreeMap<String, String>,
+}
+
+impl SensorMap {
+    /// What is stated of the log, as it is for this sensor.
+    pub fn of_log(&self, log: &LogMap) -> LogMap {
+        let mut own = log.clone();
+        for (name, from) in &self.from {
+            own.column.entry(name.clone()).or_default().from = Some(Names::One(from.clone()));
+        }
+        let place = [
+            ("lat_deg", self.lat_deg),
+            ("lon_deg", self.lon_deg),
+            ("alt_amsl_m", self.alt_amsl_m),
+        ];
+        for (name, value) in place {
+            if value.is_some() {
+                own.column.entry(name.to_owned()).or_default().value = value;
+            }
+        }
+        own
+    }
 }
 
 /// One name or several.
@@ -214,12 +313,17 @@ impl LogMap {
             .as_deref()
             .map(crate::preset::Preset::named)
             .transpose()?;
+        let no_column =
+            |name: &str| format!("{name}: expected one of {}", column_names().join(", "));
+        for sensor in &self.sensor {
+            let mut names = sensor.from.keys();
+            if let Some(name) = names.find(|n| Quantity::named(n).is_none()) {
+                return Err(no_column(&format!("sensor.from.{name}")));
+            }
+        }
         for (name, column) in &self.column {
             let Some(quantity) = Quantity::named(name) else {
-                return Err(format!(
-                    "column.{name}: expected one of {}",
-                    column_names().join(", ")
-                ));
+                return Err(no_column(&format!("column.{name}")));
             };
             if let Some(unit) = &column.unit
                 && column.datum != Some(Datum::Pressure)
@@ -309,6 +413,13 @@ impl LogMap {
             base_amsl_m: self.base_amsl_m.or(under.base_amsl_m),
             mass_temperature_c: self.mass_temperature_c.or(under.mass_temperature_c),
             mass_pressure_hpa: self.mass_pressure_hpa.or(under.mass_pressure_hpa),
+            wind: self.wind.or_else(|| under.wind.clone()),
+            position: self.position.or_else(|| under.position.clone()),
+            sensor: if self.sensor.is_empty() {
+                under.sensor.clone()
+            } else {
+                self.sensor
+            },
             column,
         }
     }

@@ -3,8 +3,9 @@
 use formats::delimited::number;
 
 /// What stands for no value in a cell of numbers.
-const NONE: [&str; 14] = [
+const NONE: [&str; 16] = [
     "", "nan", "na", "n/a", "null", "none", "-", "--", "---", "mm", "nil", "#n/a", "*", "invalid",
+    "no data", "nodata",
 ];
 
 /// Whether a cell says that there is no value.

@@ -1,6 +1,7 @@
 //! What Plumage's observation and flight files hold, and what other people call it.
 
 use plume::units::{Gas, Unit};
+use std::sync::{Mutex, PoisonError};
 
 /// What kind of number a quantity is: which units it may have.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -85,7 +86,7 @@ use Dimension::{
 };
 
 /// Columns of observations, in the order in which they are written. Time and platform stand before them.
-pub const OBSERVATION: [Quantity; 29] = [
+pub const OBSERVATION: [Quantity; 39] = [
     quantity(
         "lat_deg",
         Place,
@@ -110,12 +111,12 @@ pub const OBSERVATION: [Quantity; 29] = [
     ppm(
         Gas::Co2,
         "co2 carbondioxide carbondioxideco2 co2mixingratio xco2 co2dry co2conc co2concentration \
-        co2molefraction",
+        co2molefraction co2d",
     ),
     ppb(Gas::Co2),
     ppm(
         Gas::Ch4,
-        "ch4 methane methanech4 ch4mixingratio xch4 ch4dry ch4conc ch4concentration ch4molefraction",
+        "ch4 methane methanech4 ch4mixingratio xch4 ch4dry ch4conc ch4concentration ch4molefraction ch4d",
     ),
     ppb(Gas::Ch4),
     ppm(
@@ -125,7 +126,7 @@ pub const OBSERVATION: [Quantity; 29] = [
     ppb(Gas::So2),
     ppm(
         Gas::Co,
-        "co carbonmonoxide carbonmonoxideco codry coconc coconcentration",
+        "co carbonmonoxide carbonmonoxideco codry coconc coconcentration cod",
     ),
     ppb(Gas::Co),
     ppm(
@@ -148,12 +149,31 @@ pub const OBSERVATION: [Quantity; 29] = [
         "sf6 sulfurhexafluoride sulphurhexafluoride sf6conc",
     ),
     ppb(Gas::Sf6),
+    ppm(
+        Gas::N2o,
+        "n2o nitrousoxide n2odry n2oconc n2oconcentration n2od",
+    ),
+    ppb(Gas::N2o),
+    ppm(Gas::C2h6, "c2h6 ethane c2h6dry c2h6conc c2h6concentration"),
+    ppb(Gas::C2h6),
+    ppm(
+        Gas::C2h2,
+        "c2h2 acetylene ethyne c2h2dry c2h2conc c2h2concentration",
+    ),
+    ppb(Gas::C2h2),
+    ppm(
+        Gas::Hcl,
+        "hcl hydrogenchloride hcldry hclconc hclconcentration",
+    ),
+    ppb(Gas::Hcl),
+    ppm(Gas::H2, "h2 hydrogen h2dry h2conc h2concentration"),
+    ppb(Gas::H2),
     quantity(
         "wind_speed_m_s",
         Speed,
         4,
         "windspeed windgeschwindigkeit ws wspd windspd wndspd windvel windvelocity windspeedscalar \
-        wswvt metspd",
+        wswvt wsmsswvt wsmphswvt metspd",
     ),
     quantity(
         "wind_from_deg",
@@ -252,17 +272,41 @@ pub const FLIGHT: [Quantity; 25] = [
     ),
     quantity("vel_down_m_s", Speed, 4, "veldown vd velocitydown"),
     quantity("baro_height_m", Length, 4, "baroheight baroalt"),
-    OBSERVATION[19],
-    OBSERVATION[20],
+    OBSERVATION[29],
+    OBSERVATION[30],
 ];
 
+/// The mole fraction of a gas that the table does not have. Each is made once and lives as long as the program, as those
+/// of the table do.
+fn of_other_gas(name: &str) -> Option<&'static Quantity> {
+    static KNOWN: Mutex<Vec<&'static Quantity>> = Mutex::new(Vec::new());
+    let (gas, unit) = match name.rsplit_once('_')? {
+        ("sd", _) => return None,
+        (gas, "ppm") => (gas, Unit::Ppm),
+        (gas, "ppb") => (gas, Unit::Ppb),
+        _ => return None,
+    };
+    let gas = Gas::other(gas, f64::NAN).filter(|g| g.column(unit) == name)?;
+    let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(quantity) = known.iter().find(|q| q.name == name) {
+        return Some(quantity);
+    }
+    let quantity: &'static Quantity = Box::leak(Box::new(match unit {
+        Unit::Ppm => ppm(gas, ""),
+        Unit::Ppb => ppb(gas),
+    }));
+    known.push(quantity);
+    Some(quantity)
+}
+
 impl Quantity {
-    /// The quantity of a column of Plumage's files; none where there is no such.
+    /// The quantity of a column of Plumage's files, also of a gas that its table does not have (`xyz_ppm`); none where there
+    /// is no such.
     pub fn named(name: &str) -> Option<&'static Self> {
-        OBSERVATION
-            .iter()
-            .chain(FLIGHT.iter())
+        let mut known = OBSERVATION.iter().chain(FLIGHT.iter());
+        known
             .find(|q| q.name == name)
+            .or_else(|| of_other_gas(name))
     }
 
     /// Whether it is a gas that a platform reads.

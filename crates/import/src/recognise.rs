@@ -190,6 +190,18 @@ impl Header {
         (!rest.words.is_empty()).then_some((datum, rest))
     }
 
+    /// Whether it is of dry air: `CH4_dry`, `[CH4]d_ppm`.
+    pub fn is_dry(&self) -> bool {
+        let in_bracket = self.bracket.iter().map(String::as_str);
+        let mut words = self.words.iter().map(String::as_str).chain(in_bracket);
+        words.any(|w| w == "d" || w.to_lowercase().ends_with("dry"))
+    }
+
+    /// Its name as one word of small letters and digits.
+    pub fn name(&self) -> String {
+        self.words.concat()
+    }
+
     /// What stands in its brackets.
     pub fn bracket(&self) -> Option<&str> {
         self.bracket.as_deref()

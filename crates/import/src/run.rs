@@ -52,6 +52,14 @@ enum Log<'a> {
 }
 
 impl Log<'_> {
+    /// Its name: that of its file, with the platform where the file has several.
+    fn name(&self) -> &str {
+        match self {
+            Self::Text(log) => log.name(),
+            Self::Series(log) => &log.name,
+        }
+    }
+
     fn columns(&self) -> Vec<&'static Quantity> {
         match self {
             Self::Text(log) => log.columns(),
@@ -62,11 +70,13 @@ impl Log<'_> {
     /// What was found and assumed of it, but for columns that the output does not have.
     fn notices(&self, output: Output) -> Vec<String> {
         let (mut notices, columns): (Vec<String>, Vec<&Column>) = match self {
-            Self::Text(log) => (log.plan.notices.clone(), log.plan.columns.iter().collect()),
+            Self::Text(log) => {
+                let columns = log.plan.members.iter().flat_map(|m| &m.columns);
+                (log.plan.notices.clone(), columns.collect())
+            }
             Self::Series(log) => (log.notices.clone(), log.plan().collect()),
         };
-        let wanted = of_output(output);
-        let is_wanted = |c: &&&Column| wanted.iter().any(|w| w.name == c.quantity.name);
+        let is_wanted = |c: &&&Column| belongs(output, c.quantity);
         notices.extend(
             columns
                 .iter()
@@ -86,10 +96,10 @@ impl Log<'_> {
 
     /// The mapping that does the same, but for columns that the output does not have.
     fn map_of(&self, output: Output) -> LogMap {
-        let wanted = of_output(output);
+        let wanted = |name: &str| Quantity::named(name).is_some_and(|q| belongs(output, q));
         let mut map = self.map().clone();
         map.column
-            .retain(|name, c| c.skip == Some(true) || wanted.iter().any(|w| w.name == name));
+            .retain(|name, c| c.skip == Some(true) || wanted(name));
         map
     }
 
@@ -108,19 +118,24 @@ impl Log<'_> {
 /// and the request does not sort.
 pub fn run<W: Write>(request: &Request<'_>, out: W) -> Result<Report, ImportError> {
     let zero_s = zero_s(request.map)?;
-    let mut logs = Vec::new();
+    let mut files = Vec::new();
     for (index, name) in request.names.iter().enumerate() {
-        logs.push(open(request, index, name, zero_s)?);
+        files.push(open(request, index, name, zero_s)?);
     }
-    let output = output(request, &logs)?;
+    let output = output(request, files.iter().flatten())?;
     let mut notices = Vec::new();
-    for (log, name) in logs.iter().zip(request.names) {
+    for log in files.iter().flatten() {
+        let name = log.name();
         notices.extend(log.notices(output).iter().map(|s| format!("{name}: {s}")));
     }
     let map = Map {
         output: Some(output),
         zero: request.map.zero.clone(),
-        log: logs.iter().map(|log| log.map_of(output)).collect(),
+        log: files
+            .iter()
+            .flat_map(|logs| logs.first())
+            .map(|log| log.map_of(output))
+            .collect(),
     };
     let mut report = Report {
         notices,
@@ -130,8 +145,12 @@ pub fn run<W: Write>(request: &Request<'_>, out: W) -> Result<Report, ImportErro
         rows: 0,
         platforms: Vec::new(),
     };
+    let mut logs = Vec::new();
+    for (file, of_file) in files.into_iter().enumerate() {
+        logs.extend(of_file.into_iter().map(|log| (file, log)));
+    }
     match logs.pop() {
-        Some(Log::Text(log)) if logs.is_empty() => single(request, *log, &mut report, out)?,
+        Some((_, Log::Text(log))) if logs.is_empty() => single(request, *log, &mut report, out)?,
         Some(last) => {
             logs.push(last);
             several(request, logs, &mut report, out)?;
@@ -151,7 +170,7 @@ fn open<'a>(
     index: usize,
     name: &str,
     zero_s: f64,
-) -> Result<Log<'a>, ImportError> {
+) -> Result<Vec<Log<'a>>, ImportError> {
     let mut bytes = (request.open)(index).map_err(ImportError::bytes(name))?;
     let map = request.stated.clone().over(&request.map.of(name));
     let platform = map
@@ -165,13 +184,19 @@ fn open<'a>(
         .read_to_end(&mut head);
     got.map_err(ImportError::bytes(name))?;
     let format = Format::of(name, &head)?;
-    let all: Box<dyn Read> = Box::new(Cursor::new(head).chain(bytes));
-    if format == Format::Text {
-        return Delimited::open(name, all, &map, &platform, zero_s)
-            .map(|log| Log::Text(Box::new(log)));
+    let mut all: Box<dyn Read> = Box::new(Cursor::new(head).chain(bytes));
+    if format == Format::Spreadsheet {
+        all = Box::new(Cursor::new(crate::logs::spreadsheet::text(name, all)?));
     }
-    PlannedSeries::open(name, format, all, &map, &platform, zero_s)
+    if matches!(format, Format::Text | Format::Spreadsheet) {
+        return Delimited::open(name, all, &map, &platform, zero_s)
+            .map(|log| vec![Log::Text(Box::new(log))]);
+    }
+    let logs = PlannedSeries::open(name, format, all, &map, &platform, zero_s)?;
+    Ok(logs
+        .into_iter()
         .map(|log| Log::Series(Box::new(log)))
+        .collect())
 }
 
 /// The name of a file without folders.
@@ -187,11 +212,14 @@ fn stem(name: &str) -> &str {
 }
 
 /// What comes out: as stated, else observations where a gas is there, else a flight where its angles are.
-fn output(request: &Request<'_>, logs: &[Log<'_>]) -> Result<Output, ImportError> {
+fn output<'a, 'b: 'a>(
+    request: &Request<'_>,
+    logs: impl Iterator<Item = &'a Log<'b>>,
+) -> Result<Output, ImportError> {
     if let Some(output) = request.map.output {
         return Ok(output);
     }
-    let columns: Vec<&Quantity> = logs.iter().flat_map(Log::columns).collect();
+    let columns: Vec<&Quantity> = logs.flat_map(Log::columns).collect();
     let has = |name: &str| columns.iter().any(|c| c.name == name);
     if columns.iter().any(|c| c.is_gas()) {
         return Ok(Output::Observations);
@@ -214,12 +242,26 @@ fn output(request: &Request<'_>, logs: &[Log<'_>]) -> Result<Output, ImportError
     ))
 }
 
-/// The columns that a file of this kind has.
-fn of_output(output: Output) -> Vec<&'static Quantity> {
-    match output {
+/// The columns that a file of this kind has, in order; behind them gases of `there` that the table does not have.
+fn of_output(output: Output, there: &[&'static Quantity]) -> Vec<&'static Quantity> {
+    let mut columns: Vec<&'static Quantity> = match output {
         Output::Observations => OBSERVATION.iter().collect(),
         Output::Flight => FLIGHT.iter().chain(&OBSERVATION[..3]).collect(),
+    };
+    if output == Output::Observations {
+        for gas in there.iter().filter(|q| q.is_gas()) {
+            if !columns.iter().any(|c| c.name == gas.name) {
+                columns.push(gas);
+            }
+        }
     }
+    columns
+}
+
+/// Whether a file of this kind has the column.
+fn belongs(output: Output, column: &'static Quantity) -> bool {
+    let columns = of_output(output, &[column]);
+    columns.iter().any(|c| c.name == column.name)
 }
 
 /// Refuses columns without which a file is none.
@@ -243,12 +285,17 @@ fn check(name: &str, output: Output, columns: &[&Quantity]) -> Result<(), Import
     } else {
         ""
     };
+    let by_metres = if missing.contains(&"lat_deg") {
+        "; places in metres (UTM or local) are stated as [log.position] in a mapping file"
+    } else {
+        ""
+    };
     Err(ImportError::log(
         name,
         format!("no column for {}", missing.join(", ")),
         format!(
             "name the columns in a mapping file (--map), give the track as a further file, or, for a fixed \
-             instrument, state {}{by_pressure}",
+             instrument, state {}{by_pressure}{by_metres}",
             sets.join(" ")
         ),
     ))
@@ -263,7 +310,7 @@ fn single<W: Write>(
 ) -> Result<(), ImportError> {
     let name = log.name().to_owned();
     let there = log.columns();
-    let taken: Vec<usize> = of_output(report.output)
+    let taken: Vec<usize> = of_output(report.output, &there)
         .iter()
         .filter_map(|w| there.iter().position(|c| c.name == w.name))
         .collect();
@@ -295,14 +342,16 @@ fn single<W: Write>(
 }
 
 /// A log's rows in memory, with its name.
-struct Rows<'a> {
-    name: &'a str,
+struct Rows {
+    name: String,
+    /// Place of its file among the files.
+    file: usize,
     table: Table,
     /// Whether an offset of its clock is stated.
     is_set: bool,
 }
 
-impl Rows<'_> {
+impl Rows {
     fn has(&self, name: &str) -> bool {
         self.table.columns.iter().any(|c| c.name == name)
     }
@@ -328,34 +377,36 @@ impl Rows<'_> {
 /// Several logs, or one that is no text: readings one after the other, with what the others know of their times.
 fn several<W: Write>(
     request: &Request<'_>,
-    logs: Vec<Log<'_>>,
+    logs: Vec<(usize, Log<'_>)>,
     report: &mut Report,
     out: W,
 ) -> Result<(), ImportError> {
     let mut all = Vec::new();
-    for (log, name) in logs.into_iter().zip(request.names) {
+    for (file, log) in logs {
         let is_set = log.map().offset_s.is_some();
+        let name = log.name().to_owned();
         let table = in_memory(log, report)?;
         all.push(Rows {
             name,
+            file,
             table,
             is_set,
         });
     }
     let output = report.output;
-    let names: Vec<&str> = all.iter().map(|r| r.name).collect();
-    let (mut readings, others): (Vec<Rows<'_>>, Vec<Rows<'_>>) =
+    let (mut readings, others): (Vec<Rows>, Vec<Rows>) =
         all.into_iter().partition(|r| r.is_about(output));
     for rows in &mut readings {
         let offset_s = completed(request, rows, &others, &mut report.notices)?;
-        if let (Some(offset_s), Some(at)) = (offset_s, names.iter().position(|n| *n == rows.name)) {
-            let before_s = report.map.log[at].offset_s.unwrap_or(0.0);
-            report.map.log[at].offset_s = Some(before_s + offset_s);
+        if let (Some(offset_s), Some(map)) = (offset_s, report.map.log.get_mut(rows.file)) {
+            *map.offset_s.get_or_insert(0.0) += offset_s;
         }
     }
     let tables: Vec<Table> = readings.into_iter().map(|r| r.table).collect();
-    let table = join::appended(&tables, &of_output(output));
+    let there: Vec<&'static Quantity> = tables.iter().flat_map(|t| t.columns.clone()).collect();
+    let table = join::appended(&tables, &of_output(output, &there));
     check(&request.names.join(", "), output, &table.columns)?;
+    let names: Vec<&str> = request.names.iter().map(String::as_str).collect();
     name_logs(&names, &mut report.map.log);
     report.columns = table.columns.iter().map(|c| c.name).collect();
     report.rows = table.len();
@@ -395,8 +446,8 @@ fn in_memory(log: Log<'_>, report: &mut Report) -> Result<Table, ImportError> {
 /// Adds to `rows` what they lack and `others` have. The offset that was told or stated, if there was one.
 fn completed(
     request: &Request<'_>,
-    rows: &mut Rows<'_>,
-    others: &[Rows<'_>],
+    rows: &mut Rows,
+    others: &[Rows],
     notices: &mut Vec<String>,
 ) -> Result<Option<f64>, ImportError> {
     let mut set_s = None;
@@ -431,14 +482,14 @@ fn completed(
 }
 
 /// The platform of `other` that `rows` are of.
-fn platform(rows: &Rows<'_>, other: &Rows<'_>) -> Result<usize, ImportError> {
+fn platform(rows: &Rows, other: &Rows) -> Result<usize, ImportError> {
     let names = &other.table.platforms;
     let same = names.iter().position(|n| rows.table.platforms.contains(n));
     match (names.len(), same) {
         (..=1, _) => Ok(0),
         (_, Some(same)) if rows.table.platforms.len() == 1 => Ok(same),
         _ => Err(ImportError::log(
-            other.name,
+            &other.name,
             format!(
                 "the track has the platforms {}, and none of them is the platform of {}",
                 names.join(", "),
@@ -452,8 +503,8 @@ fn platform(rows: &Rows<'_>, other: &Rows<'_>) -> Result<usize, ImportError> {
 /// What is added to the times of `rows`: as stated, as both logs tell it, or nothing.
 fn clock_offset(
     request: &Request<'_>,
-    rows: &Rows<'_>,
-    other: &Rows<'_>,
+    rows: &Rows,
+    other: &Rows,
     track: &[(&'static Quantity, crate::series::Series)],
     notices: &mut Vec<String>,
 ) -> f64 {
@@ -486,7 +537,7 @@ fn clock_offset(
 }
 
 /// Two logs that share no time.
-fn apart(rows: &Rows<'_>, (from_s, to_s): (f64, f64), other: &Rows<'_>) -> ImportError {
+fn apart(rows: &Rows, (from_s, to_s): (f64, f64), other: &Rows) -> ImportError {
     let (first_s, last_s) = other.times_s();
     ImportError::log(
         format!("{}, {}", rows.name, other.name),

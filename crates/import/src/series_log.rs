@@ -3,7 +3,7 @@
 use crate::ImportError;
 use crate::delimited::layout::Layout;
 use crate::delimited::plan::{self, Column, Source};
-use crate::logs::{Format, Wanted};
+use crate::logs::{Format, SeriesLog};
 use crate::map::{LogMap, Output};
 use crate::quantity::Quantity;
 use crate::recognise::Header;
@@ -31,8 +31,8 @@ pub struct PlannedSeries {
 }
 
 impl PlannedSeries {
-    /// Reads the log `name` of a `format` with what is stated in `map`; times count from `zero_s` after 1970 where they
-    /// are of the calendar.
+    /// Reads the log `name` of a `format` with what is stated in `map`, one for each platform; times count from `zero_s`
+    /// after 1970 where they are of the calendar.
     ///
     /// # Errors
     /// What cannot be read or told, with what to state.
@@ -43,9 +43,33 @@ impl PlannedSeries {
         map: &LogMap,
         platform: &str,
         zero_s: f64,
+    ) -> Result<Vec<Self>, ImportError> {
+        let known = map.clone().over(&format.known());
+        let logs = format.read(name, bytes, &known)?;
+        logs.into_iter()
+            .map(|log| Self::plan_log(name, log, known.clone(), platform, zero_s))
+            .collect()
+    }
+
+    fn plan_log(
+        name: &str,
+        mut log: SeriesLog,
+        map: LogMap,
+        platform: &str,
+        zero_s: f64,
     ) -> Result<Self, ImportError> {
-        let map = map.clone().over(&format.known());
-        let mut log = format.read(name, bytes, &Wanted::of(&map))?;
+        if map.wind.is_some() || map.position.is_some() || !map.sensor.is_empty() {
+            return Err(ImportError::log(
+                name,
+                "[log.wind], [log.position] or [[log.sensor]] of a log that is not text",
+                "leave them out, or import the log as text",
+            ));
+        }
+        // The datum of one height is not that of another which is stated.
+        if map.column.contains_key("alt_amsl_m") {
+            log.known.column.remove("alt_amsl_m");
+        }
+        let map = map.over(&log.known);
         let zero_s = if log.is_absolute { zero_s } else { 0.0 };
         let shift_s = map.offset_s.unwrap_or(0.0) - zero_s;
         for series in &mut log.series {
@@ -56,7 +80,7 @@ impl PlannedSeries {
         let planned = plan::columns(name, &layout(&log.series), &rows(&log.series), &map)?;
         let column = |column: Column| {
             let series = match column.source {
-                Source::Value(_) => None,
+                Source::Value(_) | Source::Derived(_) => None,
                 Source::Cell(at) => {
                     let mut series = log.series[at].clone();
                     for value in &mut series.values {
@@ -70,12 +94,27 @@ impl PlannedSeries {
         let columns = planned.columns.into_iter().map(column).collect();
         let mut notices = log.notices;
         notices.extend(planned.notices);
+        // Of several platforms in one file each has columns of its own, which no one table states.
+        let map = match &log.platform {
+            None => planned.map,
+            Some(_) => LogMap {
+                column: map
+                    .column
+                    .into_iter()
+                    .filter(|(name, _)| !log.known.column.contains_key(name))
+                    .collect(),
+                ..planned.map
+            },
+        };
         Ok(Self {
-            name: name.to_owned(),
+            name: match &log.platform {
+                None => name.to_owned(),
+                Some(platform) => format!("{name} ({platform})"),
+            },
             notices,
-            map: planned.map,
+            map,
             columns,
-            platform: platform.to_owned(),
+            platform: log.platform.unwrap_or_else(|| platform.to_owned()),
         })
     }
 

@@ -89,7 +89,7 @@ impl<W: Write> Sink for CsvSink<W> {
 }
 
 /// A text as a cell of CSV.
-fn push_text(line: &mut Vec<u8>, text: &str) {
+pub(crate) fn push_text(line: &mut Vec<u8>, text: &str) {
     if text.contains([',', '"', '\n', '\r']) {
         line.push(b'"');
         line.extend_from_slice(text.replace('"', "\"\"").as_bytes());

@@ -110,7 +110,7 @@ fn an_aeris_log_with_its_own_place() {
     let log = "Time Stamp,Inlet Number,P (mbars),T (degC),CH4 (ppm),H2O (ppm),C2H6 (ppb),R,C2/C1,Battery Charge (V),Power Input (mV),Current (mA),SOC (%),Latitude,Longitude\n\
         05/01/2024 10:00:00.250,1,200,35,1.95,9000,1.5,0.99,0.001,16,0,0,99,43.44,-7.86\n";
     let csv = read(log, "[log.column.alt_amsl_m]\nvalue = 340\n", "aeris");
-    assert_eq!(row(&csv, 1), "1714557600.25,a,43.44,-7.86,340,1.95");
+    assert_eq!(row(&csv, 1), "1714557600.25,a,43.44,-7.86,340,1.95,1.5");
 }
 
 #[test]

@@ -8,5 +8,7 @@
 
 mod common;
 mod delimited;
+mod field_logs;
 mod instruments;
 mod logs;
+mod ros;

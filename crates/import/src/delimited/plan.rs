@@ -1,7 +1,9 @@
 //! Which of a log's columns become which of Plumage's, and how.
 
 use super::clock::{self, LogClock};
+use super::grid::MetricPosition;
 use super::layout::Layout;
+use super::vector::WindVector;
 use crate::ImportError;
 use crate::decode::letters;
 use crate::height::{Datum, Reduction};
@@ -25,6 +27,48 @@ pub enum Source {
     Cell(usize),
     /// One value for all rows.
     Value(f64),
+    /// Several cells of a row.
+    Derived(Derived),
+}
+
+/// What is made of several cells of a row: its place in [`Vectors::of_row`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Derived {
+    /// Speed of a wind in components.
+    WindSpeed,
+    /// Direction from which it blows.
+    WindFrom,
+    /// Latitude of a place in metres.
+    Lat,
+    /// Its longitude.
+    Lon,
+}
+
+/// Vectors of which a log has the components.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Vectors {
+    /// The wind.
+    pub wind: Option<WindVector>,
+    /// The place.
+    pub position: Option<MetricPosition>,
+}
+
+impl Vectors {
+    /// What a row says, in the order of [`Derived`]; NaN where it says nothing.
+    pub fn of_row(&self, cells: &Cells) -> [f64; 4] {
+        let nothing = (f64::NAN, f64::NAN);
+        let (speed_m_s, from_deg) = self.wind.map_or(nothing, |w| w.of_row(cells));
+        let (lat_deg, lon_deg) = self.position.map_or(nothing, |p| p.of_row(cells));
+        [speed_m_s, from_deg, lat_deg, lon_deg]
+    }
+
+    fn cells(&self) -> impl Iterator<Item = usize> {
+        let wind = self
+            .wind
+            .into_iter()
+            .flat_map(|w| w.cells().collect::<Vec<_>>());
+        wind.chain(self.position.into_iter().flat_map(|p| p.cells()))
+    }
 }
 
 /// How a cell is read.
@@ -86,6 +130,11 @@ impl Column {
         Some(self.of_number(raw))
     }
 
+    /// A value that is made of several cells, rounded to the column's decimals.
+    pub fn of_derived(&self, value: f64) -> f64 {
+        number::rounded(value, self.quantity.decimals)
+    }
+
     /// The value of a number of the log in the column's unit, rounded to its decimals where anything is converted.
     pub fn of_number(&self, raw: f64) -> f64 {
         if self.factor == 1.0
@@ -101,19 +150,43 @@ impl Column {
     }
 }
 
+/// The rows of one platform, or of the platforms that a column names.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Member {
+    /// The platform, where the log has a column for each sensor.
+    pub platform: Option<String>,
+    /// Its columns, observations before what flights have besides.
+    pub columns: Vec<Column>,
+    /// Vectors of which the log has the components.
+    pub vectors: Vectors,
+}
+
 /// What becomes of a log.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
     /// Its clock.
     pub clock: LogClock,
-    /// Its columns, observations before what flights have besides.
-    pub columns: Vec<Column>,
+    /// What becomes of each row: one row, or one for each sensor.
+    pub members: Vec<Member>,
     /// The cell that names the platform, if there is one.
     pub platform: Option<usize>,
     /// What was found and assumed, in words.
     pub notices: Vec<String>,
     /// What of a mapping file says the same.
     pub map: LogMap,
+}
+
+impl Plan {
+    /// The columns that some member has, in order.
+    pub fn quantities(&self) -> Vec<&'static Quantity> {
+        let mut all: Vec<&'static Quantity> = Vec::new();
+        for column in self.members.iter().flat_map(|m| &m.columns) {
+            if !all.iter().any(|q| q.name == column.quantity.name) {
+                all.push(column.quantity);
+            }
+        }
+        all
+    }
 }
 
 /// The cell of the column that is called `wanted`.
@@ -143,6 +216,8 @@ type Rows = [Cells];
 pub struct Planned {
     /// The columns, observations before what flights have besides.
     pub columns: Vec<Column>,
+    /// Vectors of which the log has the components.
+    pub vectors: Vectors,
     /// The cell that names the platform, if there is one.
     pub platform: Option<usize>,
     /// What was found and assumed, in words.
@@ -167,6 +242,7 @@ pub fn columns(
         rows,
         map,
         columns: Vec::new(),
+        vectors: Vectors::default(),
         notices: Vec::new(),
         made: BTreeMap::new(),
     };
@@ -184,11 +260,14 @@ pub fn columns(
         base_amsl_m: map.base_amsl_m,
         mass_temperature_c: map.mass_temperature_c,
         mass_pressure_hpa: map.mass_pressure_hpa,
+        wind: map.wind.clone(),
+        position: map.position.clone(),
         column: planner.made,
         ..LogMap::default()
     };
     Ok(Planned {
         columns: planner.columns,
+        vectors: planner.vectors,
         platform,
         notices: planner.notices,
         map,
@@ -208,29 +287,65 @@ pub fn plan(
     zero_s: f64,
 ) -> Result<Plan, ImportError> {
     let (clock, found) = clock::find(name, layout, rows, map, zero_s)?;
-    let planned = columns(name, layout, rows, map)?;
     let mut notices = found.notices;
-    notices.extend(planned.notices);
-    notices.extend(unused_columns(
-        layout,
-        &planned.columns,
-        &clock,
-        planned.platform,
-    ));
+    let (mut members, mut maps, mut platform) = (Vec::new(), Vec::new(), None);
+    let of_sensors = map
+        .sensor
+        .iter()
+        .map(|s| (Some(s.platform.clone()), s.of_log(map)));
+    let mut all: Vec<_> = of_sensors.collect();
+    if all.is_empty() {
+        all.push((None, map.clone()));
+    }
+    for (name_of_sensor, map) in all {
+        let planned = columns(name, layout, rows, &map)?;
+        let new = |n: &String| !notices.contains(n);
+        let own: Vec<String> = planned.notices.into_iter().filter(new).collect();
+        notices.extend(own);
+        platform = planned.platform.filter(|_| name_of_sensor.is_none());
+        members.push(Member {
+            platform: name_of_sensor,
+            columns: planned.columns,
+            vectors: planned.vectors,
+        });
+        maps.push(planned.map);
+    }
+    notices.extend(unused_columns(layout, &members, &clock, platform));
+    let mut planned = maps.swap_remove(0);
+    if !map.sensor.is_empty() {
+        planned.sensor.clone_from(&map.sensor);
+        planned.column.clone_from(&map.column);
+    }
     let map = LogMap {
         delimiter: Some(layout.delimiter.name()),
         decimal: Some(if layout.decimal_comma { "," } else { "." }.to_owned()),
         header_line: (layout.header_line > 0).then_some(layout.header_line),
-        ..planned.map.over(&found.map)
+        ..planned.over(&found.map)
     };
     Ok(Plan {
         clock,
-        columns: planned.columns,
-        platform: planned.platform,
+        members,
+        platform,
         notices,
         map,
     })
 }
+
+/// So many whole numbers in a row are no chance.
+const WHOLE_SPEEDS: usize = 10;
+/// Mean wind above which it is a gale, m/s: 8 Beaufort (WMO-No. 8, table 5.1). Few measure in it, and no small drone flies.
+const GALE_M_S: f64 = 17.2;
+/// Usual names of the components of a wind, without signs and units.
+const COMPONENTS: [(&str, &str); 8] = [
+    ("u", "v"),
+    ("um", "vm"),
+    ("ux", "uy"),
+    ("uwind", "vwind"),
+    ("windu", "windv"),
+    ("windx", "windy"),
+    ("uavg", "vavg"),
+    ("uxavg", "uyavg"),
+];
 
 struct Planner<'a> {
     name: &'a str,
@@ -238,6 +353,7 @@ struct Planner<'a> {
     rows: &'a Rows,
     map: &'a LogMap,
     columns: Vec<Column>,
+    vectors: Vectors,
     notices: Vec<String>,
     made: BTreeMap<String, ColumnMap>,
 }
@@ -257,20 +373,88 @@ impl Planner<'_> {
                 self.made.insert(name.clone(), stated.clone());
             }
         }
+        self.vectors()?;
         for quantity in OBSERVATION.iter().chain(FLIGHT[..23].iter()) {
             match quantity.name {
+                name if self.columns.iter().any(|c| c.quantity.name == name) => {}
                 "alt_amsl_m" => self.height(quantity)?,
                 _ if quantity.is_gas() => {}
                 _ => self.plain(quantity)?,
             }
         }
-        for gas in Gas::ALL {
+        for gas in Gas::ALL.into_iter().chain(self.other_gases()) {
             self.gas(gas)?;
         }
+        self.hint_at_components();
         let order = |c: &Column| OBSERVATION.iter().position(|q| q.name == c.quantity.name);
         self.columns
             .sort_by_key(|c| order(c).unwrap_or(OBSERVATION.len()));
         Ok(())
+    }
+
+    /// Gases that only the mapping file names.
+    fn other_gases(&self) -> Vec<Gas> {
+        let named = self
+            .map
+            .column
+            .keys()
+            .filter_map(|name| Quantity::named(name)?.gas());
+        let mut others: Vec<Gas> = named.filter(|g| matches!(g, Gas::Other(_))).collect();
+        others.dedup();
+        others
+    }
+
+    /// The wind and the place where they are stated as vectors.
+    fn vectors(&mut self) -> Result<(), ImportError> {
+        use Derived::{Lat, Lon, WindFrom, WindSpeed};
+        if let Some(map) = &self.map.wind {
+            let wind = WindVector::find(self.name, self.layout, map)?;
+            self.notices.push(wind.words(self.layout));
+            self.vectors.wind = Some(wind);
+            self.derived([("wind_speed_m_s", WindSpeed), ("wind_from_deg", WindFrom)]);
+        }
+        if let Some(map) = &self.map.position {
+            let position = MetricPosition::find(self.name, self.layout, map)?;
+            self.vectors.position = Some(position);
+            self.notices.push(format!(
+                "lat_deg and lon_deg from \"{}\" and \"{}\", m east and north",
+                map.east, map.north
+            ));
+            self.derived([("lat_deg", Lat), ("lon_deg", Lon)]);
+        }
+        Ok(())
+    }
+
+    /// Adds columns that are made of several cells; the notices so far are of the first.
+    fn derived(&mut self, columns: [(&str, Derived); 2]) {
+        for (name, derived) in columns {
+            let Some(quantity) = Quantity::named(name) else {
+                continue;
+            };
+            let mut column = Column::new(quantity, Source::Derived(derived));
+            column.notices = std::mem::take(&mut self.notices);
+            self.columns.push(column);
+        }
+    }
+
+    /// Says which columns may be the components of a wind, where nothing else is its direction.
+    fn hint_at_components(&mut self) {
+        if self
+            .columns
+            .iter()
+            .any(|c| c.quantity.name == "wind_from_deg")
+        {
+            return;
+        }
+        let cell = |name: &str| self.layout.headers.iter().position(|h| h.name() == name);
+        let pair = COMPONENTS.iter().find_map(|(u, v)| cell(u).zip(cell(v)));
+        if let Some((u, v)) = pair {
+            self.notices.push(format!(
+                "\"{}\" and \"{}\" look like components of the wind; [log.wind] in a mapping file states which",
+                self.header(u),
+                self.header(v)
+            ));
+        }
     }
 
     fn stated(&self, name: &str) -> Option<&ColumnMap> {
@@ -291,8 +475,11 @@ impl Planner<'_> {
                 column(self.name, self.layout, name).map(|cell| Some(Some(Source::Cell(cell))))
             }
             Some(Names::Many(names)) => {
-                let there = names.iter().find_map(|n| optional(self.layout, n));
-                Ok(there.map(|cell| Some(Source::Cell(cell))))
+                // One that holds nothing, or nothing but zeros, stands back behind one that reads.
+                let there = || names.iter().filter_map(|n| optional(self.layout, n));
+                let reads = there().find(|c| !self.is_empty(*c) && !self.is_zero(*c));
+                let cell = reads.or_else(|| there().next());
+                Ok(cell.map(|cell| Some(Source::Cell(cell))))
             }
         }
     }
@@ -303,12 +490,13 @@ impl Planner<'_> {
         let named = headers
             .filter_map(|(cell, h)| h.quantity(quantity).map(|(rank, unit)| (rank, cell, unit)));
         let free = named.filter(|(_, cell, _)| !self.is_empty(*cell));
-        free.min_by_key(|(rank, cell, _)| (*rank, *cell))
+        free.min_by_key(|(rank, cell, _)| (self.is_zero(*cell), *rank, *cell))
             .map(|(_, cell, unit)| (cell, unit))
     }
 
-    /// The cell of a gas: of several columns that name it a mole fraction rather than a mass in a volume, and that
-    /// rather than what is in a unit that is not known. Says which others there are of the same kind.
+    /// The cell of a gas: of several columns that name it one that reads rather than one of zeros, a mole fraction rather
+    /// than a mass in a volume, that rather than what is in a unit that is not known, and of dry air rather than of moist
+    /// air, which a plume dilutes. Says which others there are of the same kind.
     fn recognised_gas(&mut self, quantity: &Quantity) -> Option<(usize, Option<Unit>)> {
         let worth = |cell: usize, of_header: Option<Unit>| {
             let unit = self.unit(None, cell, of_header, quantity.dimension);
@@ -323,7 +511,12 @@ impl Planner<'_> {
         let named = headers.filter_map(|(cell, h)| h.quantity(quantity).map(|(r, u)| (cell, r, u)));
         let mut columns: Vec<_> = named
             .filter(|(cell, ..)| !self.is_empty(*cell))
-            .map(|(cell, rank, unit)| ((worth(cell, unit), rank), cell, unit))
+            .map(|(cell, rank, unit)| {
+                let wet = !self.layout.headers[cell].is_dry();
+                let kind = (self.is_zero(cell), worth(cell, unit), wet);
+                // All names of dry air are alike.
+                ((kind, if wet { rank } else { 0 }), cell, unit)
+            })
             .collect();
         columns.sort_by_key(|(worth, cell, _)| (*worth, *cell));
         let (best, cell, unit) = *columns.first()?;
@@ -349,6 +542,12 @@ impl Planner<'_> {
             let dms = self.numbers(cell, Reads::DegreesMinutesSeconds);
             dms.is_empty()
         }
+    }
+
+    /// Whether a column is zero throughout the first rows: a sensor that is not there, or off.
+    fn is_zero(&self, cell: usize) -> bool {
+        let numbers = self.numbers(cell, Reads::Number);
+        !numbers.is_empty() && numbers.iter().all(|v| *v == 0.0)
     }
 
     fn numbers(&self, cell: usize, reads: Reads) -> Vec<f64> {
@@ -413,7 +612,7 @@ impl Planner<'_> {
             },
         };
         let unit = match source {
-            Source::Value(_) => Unit::own(quantity.dimension),
+            Source::Value(_) | Source::Derived(_) => Unit::own(quantity.dimension),
             Source::Cell(cell) => {
                 let unit = self.unit(stated.as_ref(), cell, of_header, quantity.dimension);
                 unit.unwrap_or_else(|| self.assumed_unit(quantity, cell))
@@ -442,13 +641,33 @@ impl Planner<'_> {
         };
         let unit = by_size.unwrap_or_else(|| Unit::own(dimension));
         if dimension != Dimension::Place || by_size.is_some() {
+            let in_doubt = match quantity.name {
+                "wind_speed_m_s" => self.speed_in_doubt(cell),
+                _ => "",
+            };
             self.notices.push(format!(
-                "assumed: \"{}\" states no unit and is read in {}",
+                "assumed: \"{}\" states no unit and is read in {}{in_doubt}",
                 self.header(cell),
                 unit.name
             ));
         }
         unit
+    }
+
+    /// Why a speed without a unit may not be in m/s, as the end of a notice: whole numbers, as stations report knots and
+    /// km/h, or a gale in the middle.
+    fn speed_in_doubt(&self, cell: usize) -> &'static str {
+        let speeds = self.numbers(cell, Reads::Number);
+        let is_whole = speeds.len() >= WHOLE_SPEEDS && speeds.iter().all(|v| v.fract() == 0.0);
+        if is_whole && speeds.iter().any(|v| *v != speeds[0]) {
+            return "; all its values are whole numbers, as those of stations that report knots or km/h: if so, state \
+                    unit = \"knots\" of wind_speed_m_s in a mapping file";
+        }
+        if self.middle(cell).is_some_and(|v| v > GALE_M_S) {
+            return "; its median is that of a gale: if it is in knots or km/h, state unit = \"knots\" of \
+                    wind_speed_m_s in a mapping file";
+        }
+        ""
     }
 
     /// A gas: in ppb where the log has it so, but for CO2.
@@ -467,6 +686,7 @@ impl Planner<'_> {
                     let of_header = self.layout.headers[cell].quantity(ppm).and_then(|(_, u)| u);
                     return self.gas_in(quantity, cell, of_header, Some(&stated));
                 }
+                // A gas is never made of several cells.
                 Some(Some(value)) => {
                     let unit = Unit::own(quantity.dimension);
                     return self.add(quantity, value, unit, Some(&stated), None);
@@ -547,7 +767,7 @@ impl Planner<'_> {
         let stated = self.stated(quantity.name).cloned().unwrap_or_default();
         match self.stated_source(&stated)? {
             Some(None) => return Ok(()),
-            Some(Some(value @ Source::Value(_))) => {
+            Some(Some(value @ (Source::Value(_) | Source::Derived(_)))) => {
                 let unit = Unit::own(quantity.dimension);
                 return self.add(quantity, value, unit, Some(&stated), None);
             }
@@ -675,10 +895,10 @@ impl Planner<'_> {
             stated.and_then(|s| s.datum),
             match source {
                 Source::Cell(cell) => Some(Names::One(self.header(cell).to_owned())),
-                Source::Value(_) => None,
+                Source::Value(_) | Source::Derived(_) => None,
             },
             match source {
-                Source::Cell(_) => None,
+                Source::Cell(_) | Source::Derived(_) => None,
                 Source::Value(value) => Some(value),
             },
         );
@@ -689,6 +909,7 @@ impl Planner<'_> {
             (Source::Value(value), _) => {
                 format!("{} is {value} in all rows, as stated", quantity.name)
             }
+            (Source::Derived(_), _) => format!("{} from several columns", quantity.name),
             (Source::Cell(cell), None) => {
                 format!(
                     "{} from \"{}\" in {}",
@@ -752,6 +973,16 @@ impl Planner<'_> {
                 "state it in ppm, ppb or %, or skip = true",
             ));
         };
+        if gas.molar_mass_kg_mol().is_nan() {
+            return Err(self.error(
+                format!(
+                    "{} as a mass concentration: the molar mass of {} is unknown",
+                    quantity.name,
+                    gas.as_str()
+                ),
+                "convert it to ppm or ppb before",
+            ));
+        }
         let temperature_c = self.map.mass_temperature_c.unwrap_or(MASS_TEMPERATURE_C);
         let pressure_hpa = self.map.mass_pressure_hpa.unwrap_or(MASS_PRESSURE_HPA);
         let air = air::isa::Air {
@@ -760,7 +991,7 @@ impl Planner<'_> {
         };
         let header = match source {
             Source::Cell(cell) => self.header(cell),
-            Source::Value(_) => quantity.name,
+            Source::Value(_) | Source::Derived(_) => quantity.name,
         };
         let is_stated =
             self.map.mass_temperature_c.is_some() && self.map.mass_pressure_hpa.is_some();
@@ -795,16 +1026,18 @@ impl Planner<'_> {
 /// A notice that lists the columns that are not used.
 fn unused_columns(
     layout: &Layout,
-    columns: &[Column],
+    members: &[Member],
     clock: &LogClock,
     platform: Option<usize>,
 ) -> Option<String> {
-    let cells = columns.iter().filter_map(|c| match c.source {
+    let columns = || members.iter().flat_map(|m| &m.columns);
+    let cells = columns().filter_map(|c| match c.source {
         Source::Cell(cell) => Some(cell),
-        Source::Value(_) => None,
+        Source::Value(_) | Source::Derived(_) => None,
     });
-    let sides = columns.iter().filter_map(|c| c.side);
+    let sides = columns().filter_map(|c| c.side);
     let mut used: Vec<usize> = cells.chain(sides).chain(platform).collect();
+    used.extend(members.iter().flat_map(|m| m.vectors.cells()));
     match &clock.cells {
         clock::TimeCells::Stamp(c)
         | clock::TimeCells::OfDay(c)

@@ -355,5 +355,6 @@ pub fn read(name: &str, mut bytes: Box<dyn Read + '_>) -> Result<SeriesLog, Impo
         series: series.finish(0.0),
         is_absolute: true,
         notices,
+        ..SeriesLog::default()
     })
 }

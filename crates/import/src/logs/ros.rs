@@ -2,7 +2,7 @@
 //!
 //! Formats: mcap.dev, *Well-known encodings*, and those of [`formats`].
 
-use super::{Collected, Known, SeriesLog, Wanted};
+use super::{Collected, SeriesLog, Wanted};
 use crate::ImportError;
 use formats::cdr::{Cdr, Definitions, short};
 use formats::mcap_records::{End, Records, RecordsError};
@@ -10,28 +10,10 @@ use mcap::records::Record;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Read;
 
-/// What the series of these recordings are; those of well-known messages are called by their type.
-pub const KNOWN: &[Known] = &[
-    ("lat_deg", "NavSatFix.latitude", "deg"),
-    ("lon_deg", "NavSatFix.longitude", "deg"),
-    ("temperature_c", "Temperature.temperature", "C"),
-    (
-        "relative_humidity_pct",
-        "RelativeHumidity.relative_humidity",
-        "share",
-    ),
-    ("pressure_hpa", "FluidPressure.fluid_pressure", "Pa"),
-];
+mod platforms;
 
-/// Messages of these types are called by their type.
-const CALLED_BY_TYPE: [&str; 4] = [
-    "NavSatFix",
-    "Temperature",
-    "RelativeHumidity",
-    "FluidPressure",
-];
-/// The series of NavSatFix's altitudes.
-const ELLIPSOIDAL: &str = "ellipsoidal_height";
+use platforms::{FIX, Recorded};
+
 /// Bytes of messages that are kept until their channel is known: it may stand in the index at the end, if the chunk
 /// that named it is damaged.
 const WAITING_LIMIT: usize = 1 << 26;
@@ -124,26 +106,26 @@ impl Gathered {
             return;
         }
         self.read += 1;
-        let called = (channel.kind.as_str(), channel.topic.as_str());
         take(
             &mut self.series,
             wanted,
-            called,
+            channel,
             &found,
             log_time_ns as f64 * 1e-9,
         );
     }
 }
 
-/// Reads a recording.
+/// Reads a recording: one log for each platform. `position` is the series of the latitude, where one is stated.
 ///
 /// # Errors
-/// Bytes that are no MCAP, or hold no messages of ROS 2.
+/// Bytes that are no MCAP, or hold no messages of ROS 2; several receivers, of which none is the gas sensor's.
 pub fn read(
     name: &str,
     bytes: Box<dyn Read + '_>,
     wanted: &Wanted,
-) -> Result<SeriesLog, ImportError> {
+    position: Option<&str>,
+) -> Result<Vec<SeriesLog>, ImportError> {
     let mut records = Records::new(bytes).map_err(|e| unreadable(name, e))?;
     let mut gathered = Gathered::default();
     while let Some(record) = records.record().map_err(|e| unreadable(name, e))? {
@@ -161,7 +143,7 @@ pub fn read(
     }
     gathered.catch_up(wanted);
     let ending: Vec<String> = damage.into_iter().chain(cut).collect();
-    finish(name, gathered, ending)
+    finish(name, gathered, ending, position)
 }
 
 fn unreadable(name: &str, error: RecordsError) -> ImportError {
@@ -173,9 +155,15 @@ fn unreadable(name: &str, error: RecordsError) -> ImportError {
     }
 }
 
-fn finish(name: &str, gathered: Gathered, ending: Vec<String>) -> Result<SeriesLog, ImportError> {
+fn finish(
+    name: &str,
+    gathered: Gathered,
+    ending: Vec<String>,
+    position: Option<&str>,
+) -> Result<Vec<SeriesLog>, ImportError> {
     let Gathered {
         series,
+        channels,
         read,
         passed,
         ..
@@ -202,21 +190,24 @@ fn finish(name: &str, gathered: Gathered, ending: Vec<String>) -> Result<SeriesL
         "times are from the message headers, or from the recording for messages without one"
             .to_owned(),
     );
-    Ok(SeriesLog {
-        kind: "a recording of ROS 2",
+    let kinds = channels.into_values().map(|c| (c.topic, c.kind)).collect();
+    let recorded = Recorded {
+        name,
         series: series.finish(0.0),
-        is_absolute: true,
+        kinds: &kinds,
         notices,
-    })
+    };
+    recorded.platforms(position)
 }
 
 fn take(
     series: &mut Collected,
     wanted: &Wanted,
-    (kind, topic): (&str, &str),
+    channel: &Channel,
     found: &[(String, f64)],
     logged_s: f64,
 ) {
+    let Channel { topic, kind, .. } = channel;
     let value = |name: &str| found.iter().find(|(n, _)| n == name).map(|(_, v)| *v);
     let stamped = value("header.stamp.sec").zip(value("header.stamp.nanosec"));
     // A stamp of nothing is none.
@@ -224,28 +215,18 @@ fn take(
         .map(|(s, ns)| s + ns * 1e-9)
         .filter(|t| *t > 0.0)
         .unwrap_or(logged_s);
-    let called = if CALLED_BY_TYPE.contains(&kind) {
-        kind
-    } else {
-        topic
-    };
     // NavSatFix: below 0 there is no fix.
-    if kind == "NavSatFix" && value("status.status").is_some_and(|s| s < 0.0) {
+    if kind == FIX && value("status.status").is_some_and(|s| s < 0.0) {
         return;
     }
     for (path, value) in found {
-        let name = match (path.as_str(), kind) {
-            // The message's altitude is above the ellipsoid (sensor_msgs/NavSatFix).
-            ("altitude", "NavSatFix") => ELLIPSOIDAL.to_owned(),
+        let name = match path.as_str() {
             // A number alone is called as its topic.
-            ("data", _) => topic.trim_start_matches('/').replace('/', "."),
-            _ => format!("{called}.{path}"),
+            "data" => topic.trim_start_matches('/').replace('/', "."),
+            _ => format!("{topic}.{path}"),
         };
-        if wanted.keeps(&name) || name == ELLIPSOIDAL {
+        if wanted.keeps(&name) || platforms::is_known(kind, path) {
             series.push(&name, time_s, *value);
-            if name == ELLIPSOIDAL {
-                series.unit(&name, "m");
-            }
         }
     }
 }

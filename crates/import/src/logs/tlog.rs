@@ -159,6 +159,7 @@ pub fn read(
         series: gathered.series.finish(0.0),
         is_absolute: true,
         notices,
+        ..SeriesLog::default()
     })
 }
 

@@ -164,6 +164,7 @@ fn finish(
         series: series.finish(0.0),
         is_absolute: true,
         notices,
+        ..SeriesLog::default()
     })
 }
 

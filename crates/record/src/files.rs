@@ -246,6 +246,22 @@ mod tests {
     }
 
     #[test]
+    fn two_files_begun_for_one_path_do_not_meet() {
+        let dir = empty_folder("twice");
+        fs::create_dir_all(&dir).unwrap();
+        let path = dir.join("x");
+        let mut first = WholeFile::create(&path).unwrap();
+        let mut second = WholeFile::create(&path).unwrap();
+        first.write_all(b"one").unwrap();
+        second.write_all(b"two").unwrap();
+        drop(first);
+        second.place().unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"two");
+        assert_eq!(fs::read_dir(&dir).unwrap().count(), 1);
+        fs::remove_dir_all(dir).unwrap();
+    }
+
+    #[test]
     fn a_folder_with_something_in_it_needs_force() {
         let dir = empty_folder("force");
         prepare_folder(&dir, false).unwrap();

@@ -1,10 +1,16 @@
 //! Questions between the processes of a mission beside its messages: who is there, where he is reached, what was last
 //! said. An answer holds for its question and its key alone and only by the mission's key, so that none can be made up,
 //! kept for later or passed off as another's.
+//!
+//! A thread of its own answers, which does nothing else: agents compute on another, and the threads on which Zenoh reads
+//! must not wait until it has written. With TLS one thread does both (`bins/src/tls.rs`): it would wait for itself
+//! while the queue to a peer is full, until Zenoh closes the connection, and that peer would count as missing.
 
 use crate::{NetError, random};
 use protocol::key::Name;
 use protocol::seal::MissionKey;
+use std::sync::{Arc, mpsc};
+use std::thread;
 use std::time::{Duration, Instant};
 use zenoh::query::{ConsolidationMode, QueryTarget};
 
@@ -17,6 +23,25 @@ pub(crate) struct Asking {
     session: zenoh::Session,
     prefix: String,
     key: MissionKey,
+    answerer: Answerer,
+}
+
+/// The thread that answers, until nobody answers by it any more.
+#[derive(Clone)]
+pub(crate) struct Answerer(mpsc::Sender<Box<dyn FnOnce() + Send>>);
+
+impl Answerer {
+    fn start() -> Self {
+        let (sender, answers) = mpsc::channel::<Box<dyn FnOnce() + Send>>();
+        thread::spawn(move || answers.into_iter().for_each(|answer| answer()));
+        Self(sender)
+    }
+
+    /// Has it answer a question.
+    pub(crate) fn answer(&self, answer: impl FnOnce() + Send + 'static) {
+        // It ends after all who could ask.
+        let _ = self.0.send(Box::new(answer));
+    }
 }
 
 /// What somebody answered.
@@ -35,7 +60,13 @@ impl Asking {
             session: session.clone(),
             prefix: format!("plumage/{mission}/"),
             key: key.clone(),
+            answerer: Answerer::start(),
         }
+    }
+
+    /// The thread that answers.
+    pub(crate) fn answerer(&self) -> Answerer {
+        self.answerer.clone()
     }
 
     /// Answers whoever asks on `path` for as long as the session is open. `answer` is given the path on which was
@@ -49,19 +80,25 @@ impl Asking {
         answer: impl Fn(&str) -> Option<(String, Vec<u8>)> + Send + Sync + 'static,
     ) -> Result<(), NetError> {
         let (prefix, key) = (self.prefix.clone(), self.key.clone());
+        let expression = format!("{prefix}{path}");
+        let reply = move |query: &zenoh::query::Query| {
+            let asked = query.key_expr().as_str().strip_prefix(&prefix);
+            let Some((path, answer)) = asked.and_then(&answer) else {
+                return;
+            };
+            let question = query.payload().map(|p| p.to_bytes().to_vec());
+            let question = bound(&question.unwrap_or_default(), &path);
+            let code = key.answer_code(&question, &answer);
+            // Who asked has gone if the answer does not arrive; it will ask again.
+            let reply = query.reply(format!("{prefix}{path}"), answer);
+            let _ = zenoh::Wait::wait(reply.attachment(code));
+        };
+        let (reply, answerer) = (Arc::new(reply), self.answerer());
         self.session
-            .declare_queryable(format!("{prefix}{path}"))
+            .declare_queryable(expression)
             .callback(move |query| {
-                let asked = query.key_expr().as_str().strip_prefix(&prefix);
-                let Some((path, answer)) = asked.and_then(&answer) else {
-                    return;
-                };
-                let question = query.payload().map(|p| p.to_bytes().to_vec());
-                let question = bound(&question.unwrap_or_default(), &path);
-                let code = key.answer_code(&question, &answer);
-                // Who asked has gone if the answer does not arrive; it will ask again.
-                let reply = query.reply(format!("{prefix}{path}"), answer);
-                let _ = zenoh::Wait::wait(reply.attachment(code));
+                let reply = Arc::clone(&reply);
+                answerer.answer(move || reply(&query));
             })
             .background()
             .await

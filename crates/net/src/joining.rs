@@ -182,34 +182,39 @@ pub(crate) async fn door(net: &Net) -> Result<Arc<Door>, NetError> {
     let sealer = net.sealer();
     let key = time_key(&net.mission);
     let (answer_key, of_door) = (key.clone(), Arc::clone(&door));
+    let reply = move |query: &zenoh::query::Query| {
+        let door = &of_door;
+        let payload = query
+            .payload()
+            .map(|p| p.to_bytes().to_vec())
+            .unwrap_or_default();
+        let code = query.attachment().map(|a| a.to_bytes().to_vec());
+        let question = Question::read(&door.key, &payload, &code.unwrap_or_default());
+        let Some(question) = question else { return };
+        let Some((run, refused)) = door.answers(&question) else {
+            return;
+        };
+        let (stream, number) = lock(&sealer).so_far();
+        let answer = Answer {
+            now_ns: run.age_ns(),
+            run: run.number,
+            stream,
+            number,
+            refused,
+        };
+        if let (Some(words), None) = (door.differs(&question), &answer.refused) {
+            eprintln!("warning: a watching process was started with {words}");
+        }
+        let (answer, code) = answer.coded(&door.key, &question.question);
+        // Who asked has gone if the answer does not arrive; it will ask again.
+        let _ = zenoh::Wait::wait(query.reply(answer_key.clone(), answer).attachment(code));
+    };
+    let (reply, answerer) = (Arc::new(reply), net.asking().answerer());
     net.session
         .declare_queryable(key)
         .callback(move |query| {
-            let door = &of_door;
-            let payload = query
-                .payload()
-                .map(|p| p.to_bytes().to_vec())
-                .unwrap_or_default();
-            let code = query.attachment().map(|a| a.to_bytes().to_vec());
-            let question = Question::read(&door.key, &payload, &code.unwrap_or_default());
-            let Some(question) = question else { return };
-            let Some((run, refused)) = door.answers(&question) else {
-                return;
-            };
-            let (stream, number) = lock(&sealer).so_far();
-            let answer = Answer {
-                now_ns: run.age_ns(),
-                run: run.number,
-                stream,
-                number,
-                refused,
-            };
-            if let (Some(words), None) = (door.differs(&question), &answer.refused) {
-                eprintln!("warning: a watching process was started with {words}");
-            }
-            let (answer, code) = answer.coded(&door.key, &question.question);
-            // Who asked has gone if the answer does not arrive; it will ask again.
-            let _ = zenoh::Wait::wait(query.reply(answer_key.clone(), answer).attachment(code));
+            let reply = Arc::clone(&reply);
+            answerer.answer(move || reply(&query));
         })
         .background()
         .await

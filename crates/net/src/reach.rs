@@ -355,7 +355,7 @@ pub(crate) async fn connect(
     key: &MissionKey,
     dials: bool,
     figures: &Figures,
-) -> Result<(zenoh::Session, Runtime, Reach), NetError> {
+) -> Result<(zenoh::Session, Runtime, Asking, Reach), NetError> {
     let runtime = zenoh::internal::runtime::RuntimeBuilder::new(config);
     let mut runtime = runtime.build().await.map_err(NetError::zenoh)?;
     let session = zenoh::session::init(runtime.clone().into())
@@ -363,8 +363,9 @@ pub(crate) async fn connect(
         .map_err(NetError::zenoh)?;
     runtime.start().await.map_err(NetError::zenoh)?;
     let asking = Asking::new(&session, mission, key);
-    let reach = Reach::begin(&session, &runtime, mission, asking, dials, figures).await?;
-    Ok((session, runtime, reach))
+    let asks = asking.clone();
+    let reach = Reach::begin(&session, &runtime, mission, asks, dials, figures).await?;
+    Ok((session, runtime, asking, reach))
 }
 
 #[cfg(test)]

@@ -33,6 +33,7 @@ pub type Received = Result<(Topic, Envelope), ProtocolError>;
 pub struct Net {
     pub(crate) session: zenoh::Session,
     runtime: zenoh::internal::runtime::Runtime,
+    asking: Asking,
     reach: Reach,
     pub(crate) mission: Name,
     pub(crate) key: MissionKey,
@@ -78,16 +79,17 @@ impl Net {
             let stream = u64::from_be_bytes(random()?);
             let dials = !options.connect.is_empty();
             let figures = Figures::default();
-            let (session, runtime, reach) =
+            let (session, runtime, asking, reach) =
                 reach::connect(options.configuration()?, &mission, &key, dials, &figures).await?;
             let joined = RunJoined::new(&key);
-            let asking = Asking::new(&session, &mission, &key);
+            let told = (joined.clone(), stream);
             let (presence, roll) =
-                Presence::watch(&session, &mission, asking, (joined.clone(), stream)).await?;
+                Presence::watch(&session, &mission, asking.clone(), told).await?;
             let (sender, receiver) = mpsc::unbounded_channel();
             Ok(Self {
                 session,
                 runtime,
+                asking,
                 reach,
                 mission,
                 sealer: Arc::new(Mutex::new(Sealer::new(key.clone(), stream))),
@@ -141,7 +143,7 @@ impl Net {
 
     /// Asks and answers beside the mission's messages.
     pub(crate) fn asking(&self) -> Asking {
-        Asking::new(&self.session, &self.mission, &self.key)
+        self.asking.clone()
     }
 
     /// The run that was joined.

@@ -26,11 +26,16 @@ use zenoh::sample::SampleKind;
 pub(crate) const CALL_EVERY: Duration = Duration::from_secs(1);
 /// Least time between two calls: tokens come by the dozen when a team starts.
 pub(crate) const CALL_AGAIN: Duration = Duration::from_millis(50);
-/// How long an answer may take: a lost packet is sent again within a second.
-const ANSWER_WITHIN: Duration = Duration::from_secs(3);
 /// Calls in a row without an answer after which somebody counts as gone: 6 s, in which a busy host answers. Calls and
 /// not time are counted: whoever was stopped himself has heard nobody meanwhile.
 const UNANSWERED: u32 = 5;
+/// A call that is made so late does not count: where a thread waits so long for a processor, dozens of others share it, and
+/// those who have to answer wait as well.
+const LATE: Duration = Duration::from_millis(100);
+/// Of calls in a row that are late one in so many counts: who is gone is found out within half a minute all the same.
+const LATE_COUNT: u32 = 5;
+/// How long an answer may take: as long as its agent is not yet gone without it.
+const ANSWER_WITHIN: Duration = Duration::from_secs(UNANSWERED as u64 + 1);
 /// Every agent's answer to the call.
 const ROLL: &str = "*/*/call";
 
@@ -87,9 +92,11 @@ impl Seen {
             before.way < way && before.run.map(|r| r.number) == said.map(|r| r.number)
         });
         let (run, way) = known.map_or((said, way), |before| (before.run, before.way));
+        // An earlier call may have taken longer.
+        let before = self.answered.as_ref().map(|before| before.at);
         self.unanswered = 0;
         self.answered = Some(Answered {
-            at: asked,
+            at: before.map_or(asked, |before| before.max(asked)),
             run,
             way,
             said: (entry.stream, entry.number),
@@ -154,12 +161,16 @@ impl Presence {
 
     async fn call_the_roll(self, asking: Asking, news: Arc<Notify>) {
         let mut next = tokio::time::Instant::now();
+        let mut late: u32 = 0;
         loop {
             tokio::select! {
                 () = tokio::time::sleep_until(next) => {
+                    late = if next.elapsed() > LATE { late + 1 } else { 0 };
                     next = tokio::time::Instant::now() + CALL_EVERY;
-                    for agent in self.seen().values_mut() {
-                        agent.unanswered = agent.unanswered.saturating_add(1);
+                    if late.is_multiple_of(LATE_COUNT) {
+                        for agent in self.seen().values_mut() {
+                            agent.unanswered = agent.unanswered.saturating_add(1);
+                        }
                     }
                 }
                 () = news.notified() => tokio::time::sleep(CALL_AGAIN).await,

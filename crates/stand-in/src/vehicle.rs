@@ -19,7 +19,7 @@ use fdm::autopilot::Sticks;
 use fencing::Breach;
 use mav_bridge::dialect::MavMissionType;
 use mav_bridge::signing::Signing;
-use protocol::SimTime;
+use protocol::{Pauses, SimTime};
 use rand::rngs::ChaCha8Rng;
 
 /// The vehicle.
@@ -40,6 +40,8 @@ pub struct StandIn {
     last: Option<SimTime>,
     gas_sampled_at: Option<SimTime>,
     gcs_heartbeat_at: Option<SimTime>,
+    /// An aircraft's autopilot never pauses; the host of this one may.
+    pauses: Pauses,
     failsafe: bool,
     armed_s: f64,
 }
@@ -80,6 +82,7 @@ impl StandIn {
             last: None,
             gas_sampled_at: None,
             gcs_heartbeat_at: None,
+            pauses: Pauses::default(),
             failsafe: false,
             armed_s: 0.0,
         })

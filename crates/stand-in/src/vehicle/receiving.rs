@@ -164,9 +164,12 @@ impl StandIn {
     /// The failsafe on loss of the ground station: home, and circle there. A pilot's modes are
     /// left alone, for the pilot's own radio works.
     pub(crate) fn check_gcs_failsafe(&mut self, now: SimTime) {
+        let pause_ns = self.pauses.tick(now);
         let Some(heartbeat_at) = self.gcs_heartbeat_at else {
             return;
         };
+        let heartbeat_at = heartbeat_at.later(pause_ns).min(now);
+        self.gcs_heartbeat_at = Some(heartbeat_at);
         let silent = now.since_s(heartbeat_at) > self.speaker.parameters.get(FS_LONG_TIMEOUT);
         if !silent {
             if std::mem::replace(&mut self.failsafe, false) {

@@ -446,6 +446,19 @@ fn its_own_failsafe_is_the_guardian() {
 }
 
 #[test]
+fn a_pause_of_the_host_of_both_is_no_loss_of_the_ground_station() {
+    let mut pair = Pair::new(22);
+    pair.take_off();
+    pair.run(20.0);
+    // Longer than the failsafe of 5 s, for bridge and stand-in alike.
+    pair.tick += 8 * 50;
+    pair.run(10.0);
+    assert_eq!(pair.vehicle.custom_mode(), GUIDED);
+    assert_eq!(pair.bridge.level(), ControlLevel::Automatic);
+    assert_eq!(pair.said("guardian"), 0, "{:#?}", pair.events);
+}
+
+#[test]
 fn it_stands_and_lands_on_its_terrain() {
     // A plateau of 520 m all over the tile, where the site itself is at 340 m.
     let bytes: Vec<u8> = (0..1201 * 1201)

@@ -153,7 +153,7 @@ impl Heard {
                 .map(|r| format!("gas {:.2} ppm", r.co2_ppm)),
         );
         if parts.is_empty() {
-            return "nothing received".to_owned();
+            return "nothing received from this vehicle".to_owned();
         }
         parts.join(", ")
     }

@@ -51,6 +51,9 @@ pub struct Net {
     /// Those for whom this process tells of what is refused; of everything where nobody said.
     tells_for: Arc<OnceLock<Vec<AgentId>>>,
     json: bool,
+    /// Whether each message leaves by itself, at once: in lockstep everybody waits for it. In real time those that wait
+    /// for the processor share a batch; else a few of them would fill the queue to a peer.
+    express: bool,
     publishers: BTreeMap<Topic, zenoh::pubsub::Publisher<'static>>,
     presence: Presence,
     roll: Roll,
@@ -102,6 +105,7 @@ impl Net {
                 farewells: Arc::default(),
                 tells_for: Arc::default(),
                 json: options.json,
+                express: !options.real_time,
                 publishers: BTreeMap::new(),
                 presence,
                 roll,
@@ -319,7 +323,7 @@ impl Net {
                     .session
                     .declare_publisher(topic.key(&self.mission))
                     .congestion_control(CongestionControl::Block)
-                    .express(true)
+                    .express(self.express)
                     .await
                     .map_err(NetError::zenoh)?;
                 self.publishers.insert(topic.clone(), publisher);

@@ -3,13 +3,11 @@
 use crate::flightgear::{self, Viewer};
 use crate::interrupts::Interrupts;
 use crate::links::{self, Links};
+use crate::mission_files::MissionOptions;
 use crate::released::{self, Released};
 use crate::resume::resume;
 use crate::weather_file::WeatherFile;
-use crate::{
-    Failure, host_keys, listening, metrics, mission_files, preflight, presence, ranges, runtime,
-    tls,
-};
+use crate::{Failure, host_keys, listening, metrics, preflight, presence, runtime, tls};
 use mav_bridge::link::LinkAddress;
 use mav_bridge::signing::SigningConfig;
 use mission::real_vehicle::{LinkOptions, RealVehicle};
@@ -17,7 +15,6 @@ use mission::setup::SigningKey;
 use mission::{Member, MissionError, Setup, team};
 use net::realtime::{MissionClock, Surroundings};
 use net::{DEFAULT_ENDPOINT, Net, NetError, NetOptions, OneRun, TlsFiles, lockstep, realtime};
-use plume::Gas;
 use protocol::joining::{Introduction, MissionIdentity};
 use protocol::key::Name;
 use protocol::message::Swap;
@@ -36,28 +33,9 @@ pub struct BusArguments {
     /// Scenario of the mission (TOML); all processes of a mission need the same one
     #[arg(long, value_name = "FILE", help_heading = "Mission")]
     pub scenario: PathBuf,
-    /// Seed of all random numbers, 0 to 2^63 - 1; all processes need the same one [default: the scenario's]
-    #[arg(
-        long,
-        value_name = "N",
-        value_parser = ranges::seed,
-        allow_negative_numbers = true,
-        help_heading = "Mission"
-    )]
-    pub seed: Option<u64>,
-    /// Length of the mission, 1 to 1000000 simulated s [default: the scenario's]
-    #[arg(
-        long,
-        value_name = "S",
-        value_parser = ranges::duration_s,
-        allow_negative_numbers = true,
-        help_heading = "Mission"
-    )]
-    pub duration: Option<f64>,
-    /// Gas that the sensors measure: co2, ch4, n2o and so on, or one of the scenario's [[gas]] [default:
-    /// that of the first source]
-    #[arg(long, value_name = "GAS", help_heading = "Mission")]
-    pub gas: Option<Gas>,
+    /// Seed, length and gas; all processes of a mission need the same ones
+    #[command(flatten)]
+    pub mission: MissionOptions,
     /// Run in lockstep under `plumage conduct`, not in real time
     #[arg(long)]
     pub lockstep: bool,
@@ -107,8 +85,7 @@ impl BusArguments {
         if self.tls_ca.is_some() || self.keys.is_some() {
             tls::in_one_thread()?;
         }
-        let setup = mission_files::load_changed(&self.scenario, self.seed, self.duration)?;
-        mission_files::for_gas(setup, self.gas)
+        self.mission.setup(&self.scenario)
     }
 
     /// How to join; `listens` where a process that is told nothing else listens.

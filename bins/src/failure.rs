@@ -65,13 +65,28 @@ pub fn arguments<T: clap::Parser>() -> T {
         }
         usual(panic);
     }));
-    T::try_parse().unwrap_or_else(|error| {
+    let mut command = accept_negative_numbers(T::command());
+    let matches = command.try_get_matches_from_mut(std::env::args_os());
+    let parsed = matches.and_then(|mut matches| T::from_arg_matches_mut(&mut matches));
+    parsed.unwrap_or_else(|error| {
+        let error = error.format(&mut command);
         if !error.use_stderr() {
             error.exit();
         }
         eprint!("{}", for_people(&in_words(&error.to_string())));
         std::process::exit(i32::from(WRONG_INPUT));
     })
+}
+
+/// Lets every option have a negative number as its value, so that one outside the range is rejected by the error that
+/// states the range, not as an unknown option.
+fn accept_negative_numbers(command: clap::Command) -> clap::Command {
+    let command = command.mut_args(|argument| {
+        let is_option_with_value =
+            !argument.is_positional() && argument.get_action().takes_values();
+        argument.allow_negative_numbers(is_option_with_value)
+    });
+    command.mut_subcommands(accept_negative_numbers)
 }
 
 /// Ends a program: tells the failure on standard error and gives its exit code.

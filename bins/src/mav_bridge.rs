@@ -50,7 +50,6 @@ struct BridgeArguments {
         long,
         value_name = "N",
         value_parser = clap::value_parser!(u8).range(1..),
-        allow_negative_numbers = true,
         help_heading = "Vehicle"
     )]
     system_id: Option<u8>,
@@ -59,7 +58,6 @@ struct BridgeArguments {
         long,
         value_name = "N",
         value_parser = clap::value_parser!(u8).range(1..),
-        allow_negative_numbers = true,
         help_heading = "Vehicle"
     )]
     component_id: Option<u8>,
@@ -69,7 +67,6 @@ struct BridgeArguments {
         long,
         value_name = "N",
         value_parser = clap::value_parser!(u8).range(1..),
-        allow_negative_numbers = true,
         help_heading = "Vehicle"
     )]
     gcs_id: Option<u8>,
@@ -118,10 +115,10 @@ struct StandInArguments {
     #[arg(long, value_name = "LINK", default_value = "udpout:127.0.0.1:14550")]
     link: LinkAddress,
     /// Seed of its gusts and sensor noise, 0 to 2^63 - 1 [default: the scenario's]
-    #[arg(long, value_name = "N", value_parser = ranges::seed, allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = ranges::seed)]
     seed: Option<u64>,
     /// Stop after this time, 1 to 1000000 s [default: fly until interrupted]
-    #[arg(long, value_name = "S", value_parser = ranges::duration_s, allow_negative_numbers = true)]
+    #[arg(long, value_name = "S", value_parser = ranges::duration_s)]
     duration: Option<f64>,
     /// File with the MAVLink signing key shared with its ground station, 64 hexadecimal digits
     #[arg(long, value_name = "FILE")]

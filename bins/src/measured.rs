@@ -1,6 +1,6 @@
 //! What was measured, from files, as a program wants it: logs by a mapping file too, and what was noticed told.
 
-use crate::{Failure, importing};
+use crate::{Failure, importing, mission_files};
 use gap::flight::log::FlightLog;
 use mission::Setup;
 use plume::Gas;
@@ -9,6 +9,41 @@ use scenario::observations::{self, DataQuality, Observations};
 use std::path::{Path, PathBuf};
 use tasks::measured;
 pub use tasks::measured::{AircraftFile, fill_wind};
+
+/// Observations as input, with the scenario to which they belong.
+#[derive(Debug, clap::Args)]
+pub struct ObservationInput {
+    /// Observations (CSV or MCAP recordings)
+    #[arg(required = true)]
+    pub observations: Vec<PathBuf>,
+    /// Mapping file (TOML) to read logs of other formats, as from `plumage import`
+    #[arg(long, value_name = "FILE", help_heading = "Input")]
+    pub map: Option<PathBuf>,
+    /// Scenario with site, weather and sources (TOML)
+    #[arg(long, value_name = "FILE", help_heading = "Input")]
+    pub scenario: PathBuf,
+    /// Gas to use from the observations: co2, ch4, n2o and so on, or one of the scenario's [[gas]] [default:
+    /// that of the first source]
+    #[arg(long, value_name = "GAS", help_heading = "Input")]
+    pub gas: Option<Gas>,
+}
+
+impl ObservationInput {
+    /// Loads the scenario, set to the gas and the weather of the observations, and the observations of that gas.
+    ///
+    /// # Errors
+    /// As [`mission_files::load`] and [`load_by`]; a gas that no source of the scenario emits.
+    pub fn load(&self) -> Result<(Setup, Observations), Failure> {
+        let setup = mission_files::for_gas(mission_files::load(&self.scenario)?, self.gas)?;
+        let mut observations = load_by(
+            &self.observations,
+            setup.scenario.gas(),
+            self.map.as_deref(),
+        )?;
+        let setup = weather_over(setup, &mut observations, &self.observations)?;
+        Ok((setup, observations))
+    }
+}
 
 /// As [`measured::load`].
 ///

@@ -1,6 +1,6 @@
 //! Scenarios and the files they name, from disk, as a program wants them.
 
-use crate::Failure;
+use crate::{Failure, ranges};
 use mission::Setup;
 use plume::Gas;
 use record::Recording;
@@ -16,19 +16,53 @@ pub fn load(path: &Path) -> Result<Setup, Failure> {
     scenario_files::load(path).map_err(Failure::input)
 }
 
-/// The same, with another seed and another length where given: `--seed`, `--duration`.
-///
-/// # Errors
-/// As [`load`]; also a length that no mission has.
-pub fn load_changed(
-    path: &Path,
-    seed: Option<u64>,
-    duration_s: Option<f64>,
-) -> Result<Setup, Failure> {
-    scenario_files::changed(load(path)?, seed, duration_s).map_err(option)
+/// Options that replace values of a mission's scenario.
+#[derive(Debug, Clone, clap::Args)]
+#[command(next_help_heading = "Mission")]
+pub struct MissionOptions {
+    /// Seed of all random numbers, 0 to 2^63 - 1; all processes of a mission need the same one [default: the scenario's]
+    #[arg(long, value_name = "N", value_parser = ranges::seed)]
+    pub seed: Option<u64>,
+    /// Length and gas
+    #[command(flatten)]
+    pub length_and_gas: LengthAndGas,
 }
 
-/// The same read for `gas`, where one is asked for: `--gas`.
+/// The same without the seed, for many missions of one scenario.
+#[derive(Debug, Clone, clap::Args)]
+#[command(next_help_heading = "Mission")]
+pub struct LengthAndGas {
+    /// Length of a mission, 1 to 1000000 simulated s [default: the scenario's]
+    #[arg(long, value_name = "S", value_parser = ranges::duration_s)]
+    pub duration: Option<f64>,
+    /// Gas that the sensors measure: co2, ch4, n2o and so on, or one of the scenario's [[gas]] [default:
+    /// that of the first source]
+    #[arg(long, value_name = "GAS")]
+    pub gas: Option<Gas>,
+}
+
+impl MissionOptions {
+    /// Loads a scenario and replaces the given values.
+    ///
+    /// # Errors
+    /// As [`LengthAndGas::setup`].
+    pub fn setup(&self, scenario: &Path) -> Result<Setup, Failure> {
+        self.length_and_gas.setup(scenario, self.seed)
+    }
+}
+
+impl LengthAndGas {
+    /// Loads a scenario and replaces the given values and the `seed`.
+    ///
+    /// # Errors
+    /// As [`load`]; also a length outside the scenario's range, or a gas that no source emits.
+    pub fn setup(&self, scenario: &Path, seed: Option<u64>) -> Result<Setup, Failure> {
+        let setup = scenario_files::changed(load(scenario)?, seed, self.duration);
+        for_gas(setup.map_err(option)?, self.gas)
+    }
+}
+
+/// Sets the gas that the sensors of a mission measure, if one is given: `--gas`.
 ///
 /// # Errors
 /// A gas that no source of the scenario emits.

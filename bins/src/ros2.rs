@@ -43,12 +43,7 @@ pub struct Ros2Arguments {
     )]
     ros2: Option<String>,
     /// ROS 2 domain, a whole number from 0 [default: ROS_DOMAIN_ID, else 0]
-    #[arg(
-        long,
-        value_name = "N",
-        requires = "ros2",
-        allow_negative_numbers = true
-    )]
+    #[arg(long, value_name = "N", requires = "ros2")]
     ros2_domain: Option<u32>,
     #[command(flatten)]
     undulation: Undulation,

@@ -1,8 +1,8 @@
 //! `plumage calibrate`: the scenario corrected by measured observations, off-line.
 
+use crate::measured::ObservationInput;
 use crate::progress::Waiting;
 use crate::{Failure, measured, mission_files};
-use plume::Gas;
 use record::files;
 use scenario::Scenario;
 use scenario::uncertain::Uncertain;
@@ -14,19 +14,9 @@ use std::path::PathBuf;
     after_help = "Example: plumage calibrate obs.csv --scenario scenarios/as-pontes.toml --out out/calibrated"
 )]
 pub struct CalibrateArguments {
-    /// Observations (CSV or MCAP recordings)
-    #[arg(required = true)]
-    pub observations: Vec<PathBuf>,
-    /// Mapping file (TOML) to read logs of other formats, as from `plumage import`
-    #[arg(long, value_name = "FILE", help_heading = "Input")]
-    pub map: Option<PathBuf>,
-    /// Scenario to calibrate (TOML)
-    #[arg(long, value_name = "FILE", help_heading = "Input")]
-    pub scenario: PathBuf,
-    /// Gas to use from the observations: co2, ch4, n2o and so on, or one of the scenario's [[gas]] [default:
-    /// that of the first source]
-    #[arg(long, value_name = "GAS", help_heading = "Input")]
-    pub gas: Option<Gas>,
+    /// Observations and their scenario
+    #[command(flatten)]
+    pub input: ObservationInput,
     /// Platform whose sensor is the reference for the others
     #[arg(long, value_name = "PLATFORM", help_heading = "Input")]
     pub reference: Option<String>,
@@ -43,15 +33,7 @@ pub struct CalibrateArguments {
 /// # Errors
 /// Wrong input, or outputs that cannot be written.
 pub fn calibrate(arguments: &CalibrateArguments) -> Result<(), Failure> {
-    let setup = mission_files::load(&arguments.scenario)?;
-    let setup = mission_files::for_gas(setup, arguments.gas)?;
-    let mut observations = measured::load_by(
-        &arguments.observations,
-        setup.scenario.gas(),
-        arguments.map.as_deref(),
-    )?;
-    let files = &arguments.observations;
-    let setup = measured::weather_over(setup, &mut observations, files)?;
+    let (setup, mut observations) = arguments.input.load()?;
     measured::fill_wind(&mut observations, &setup).map_err(Failure::input)?;
     measured::tell(&observations.notices);
     let reference = arguments.reference.as_deref();

@@ -1,8 +1,8 @@
 //! `plumage campaign`: many missions of one scenario, and what they show beside each other.
 
 use crate::flights::fly_all;
+use crate::mission_files::LengthAndGas;
 use crate::{Failure, mission_files, ranges};
-use plume::Gas;
 use record::campaign::folder::{self, CampaignFolder};
 use record::campaign::{MissionKey, MissionRow, Question, Shard, table};
 use record::files;
@@ -27,17 +27,13 @@ pub struct CampaignArguments {
     /// Scenario to fly (TOML)
     #[arg(required = true)]
     pub scenario: Option<PathBuf>,
-    /// Gas that the sensors measure: co2, ch4, n2o and so on, or one of the scenario's [[gas]] [default:
-    /// that of the first source]
-    #[arg(long, value_name = "GAS", help_heading = "Missions")]
-    pub gas: Option<Gas>,
     /// Seeds to fly: a number (1 to 100000), a range such as 5..12, or a list such as 1,4,9
     #[arg(
         long,
         default_value = "20",
         value_name = "SEEDS",
         allow_hyphen_values = true,
-        help_heading = "Missions"
+        help_heading = "Mission"
     )]
     pub seeds: Seeds,
     /// Search strategies to compare, separated by commas; particle-swarm, ascent and random are baselines [default: the scenario's]
@@ -45,7 +41,7 @@ pub struct CampaignArguments {
         long,
         value_name = "NAMES",
         value_delimiter = ',',
-        help_heading = "Missions"
+        help_heading = "Mission"
     )]
     pub strategies: Vec<String>,
     /// Realities to compare, separated by commas: names from docs/campaign.md (joined by +), or TOML files with the
@@ -54,7 +50,7 @@ pub struct CampaignArguments {
         long,
         value_name = "NAMES",
         value_delimiter = ',',
-        help_heading = "Missions"
+        help_heading = "Mission"
     )]
     pub realities: Vec<String>,
     /// Team sizes to compare, separated by commas, 1 or more each [default: the scenario's]
@@ -63,8 +59,7 @@ pub struct CampaignArguments {
         value_name = "COUNTS",
         value_delimiter = ',',
         value_parser = ranges::whole(1..=ranges::TEAM),
-        allow_negative_numbers = true,
-        help_heading = "Missions"
+        help_heading = "Mission"
     )]
     pub vehicles: Vec<usize>,
     /// Fly the last N vehicles of the team as stand-ins, simulated ArduPlanes in place of real aircraft, and simulate
@@ -73,21 +68,14 @@ pub struct CampaignArguments {
         long,
         value_name = "N",
         value_parser = ranges::whole(0..=ranges::TEAM),
-        allow_negative_numbers = true,
-        help_heading = "Missions"
+        help_heading = "Mission"
     )]
     pub real_stand_ins: Option<usize>,
-    /// Length of each mission, 1 to 1000000 simulated s [default: the scenario's]
-    #[arg(
-        long,
-        value_name = "S",
-        value_parser = ranges::duration_s,
-        allow_negative_numbers = true,
-        help_heading = "Missions"
-    )]
-    pub duration: Option<f64>,
+    /// Length and gas
+    #[command(flatten)]
+    pub length_and_gas: LengthAndGas,
     /// Fly only shard K of N shards, such as 1/4; `plumage campaign merge` combines them
-    #[arg(long, value_name = "K/N", help_heading = "Missions")]
+    #[arg(long, value_name = "K/N", help_heading = "Mission")]
     pub shard: Option<Shard>,
     /// Folder for missions, tables and report; an unfinished campaign in it is resumed. A file (.md) gets only the
     /// table [default: print the table]
@@ -164,8 +152,7 @@ pub fn campaign(arguments: &CampaignArguments) -> Result<(), Failure> {
     let Some(file) = &arguments.scenario else {
         return Err(Failure::usage("expected a scenario (TOML)"));
     };
-    let setup = mission_files::load_changed(file, None, arguments.duration)?;
-    let setup = mission_files::for_gas(setup, arguments.gas)?;
+    let setup = arguments.length_and_gas.setup(file, None)?;
     let varied = Varied {
         strategies: arguments.strategies.clone(),
         realities: arguments.realities.clone(),

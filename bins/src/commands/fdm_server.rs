@@ -66,13 +66,12 @@ pub struct FdmServerArguments {
     #[arg(
         long,
         value_name = "N",
-        allow_negative_numbers = true,
         default_value_t = 1,
         value_parser = clap::value_parser!(u8).range(1..=254)
     )]
     system_id: u8,
     /// Seed of gusts and sensor noise, 0 to 2^63 - 1 [default: the scenario's]
-    #[arg(long, value_name = "N", value_parser = ranges::seed, allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = ranges::seed)]
     seed: Option<u64>,
     /// Print the ArduPlane servo parameters that match the aircraft, and exit
     #[arg(long)]

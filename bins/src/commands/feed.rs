@@ -26,10 +26,10 @@ pub struct FeedArguments {
     #[arg(long, value_name = "ID")]
     pub id: Option<String>,
     /// Speed of the rows: real, max, or a factor of real time above 0
-    #[arg(long, default_value = "real", allow_negative_numbers = true)]
+    #[arg(long, default_value = "real")]
     pub speed: Speed,
     /// Mission time of the first row, 0 to 1000000 s, or `file` for the times in the file [default: at once]
-    #[arg(long, value_name = "S|file", allow_negative_numbers = true)]
+    #[arg(long, value_name = "S|file")]
     pub start: Option<Start>,
     #[command(flatten)]
     bus: agent::BusArguments,

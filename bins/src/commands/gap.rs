@@ -3,6 +3,7 @@
 mod applied;
 pub(super) mod flight;
 
+use crate::measured::ObservationInput;
 use crate::progress::Bar;
 use crate::{Failure, measured, mission_files, ranges};
 use gap::tracer::table::Tables;
@@ -30,19 +31,9 @@ pub enum GapCommand {
     after_help = "Example: plumage gap plume obs.csv --scenario scenarios/as-pontes.toml --out out/gap"
 )]
 pub struct PlumeArguments {
-    /// Observations (CSV or MCAP recordings)
-    #[arg(required = true)]
-    pub observations: Vec<PathBuf>,
-    /// Mapping file (TOML) to read logs of other formats, as from `plumage import`
-    #[arg(long, value_name = "FILE", help_heading = "Input")]
-    pub map: Option<PathBuf>,
-    /// Scenario with the site and the base model (TOML)
-    #[arg(long, value_name = "FILE", help_heading = "Input")]
-    pub scenario: PathBuf,
-    /// Gas to use from the observations: co2, ch4, n2o and so on, or one of the scenario's [[gas]] [default:
-    /// that of the first source]
-    #[arg(long, value_name = "GAS", help_heading = "Input")]
-    pub gas: Option<::plume::Gas>,
+    /// Observations and their scenario
+    #[command(flatten)]
+    pub input: ObservationInput,
     /// Score the causes in this gap.json, found with other readings, without fitting them again
     #[arg(long, value_name = "GAP_JSON", help_heading = "Input")]
     pub apply: Option<PathBuf>,
@@ -89,7 +80,6 @@ pub struct OutputArguments {
         long,
         value_name = "N",
         value_parser = ranges::seed,
-        allow_negative_numbers = true,
         default_value_t = 1
     )]
     pub seed: u64,
@@ -108,15 +98,8 @@ pub fn gap(command: &GapCommand) -> Result<(), Failure> {
 }
 
 fn of_plume(arguments: &PlumeArguments) -> Result<(), Failure> {
-    let setup = mission_files::load(&arguments.scenario)?;
-    let setup = mission_files::for_gas(setup, arguments.gas)?;
-    let mut observations = measured::load_by(
-        &arguments.observations,
-        setup.scenario.gas(),
-        arguments.map.as_deref(),
-    )?;
-    let files = &arguments.observations;
-    let setup = measured::weather_over(setup, &mut observations, files)?;
+    let (setup, mut observations) = arguments.input.load()?;
+    let title = names(&arguments.input.observations);
     let by_series = measured::fill_wind(&mut observations, &setup).map_err(Failure::input)?;
     measured::tell(&observations.notices);
     let apply = arguments.apply.as_deref();
@@ -139,14 +122,9 @@ fn of_plume(arguments: &PlumeArguments) -> Result<(), Failure> {
         tasks::gap::of_plume(&question, &mut progress).map_err(Failure::input)?;
     bar.finish_and_clear();
     if earlier.is_some() {
-        return applied::of_plume(
-            &analysis,
-            &names(&arguments.observations),
-            &arguments.output,
-        );
+        return applied::of_plume(&analysis, &title, &arguments.output);
     }
-    mission_files::keep_files(&mut extended, &arguments.scenario);
-    let title = names(&arguments.observations);
+    mission_files::keep_files(&mut extended, &arguments.input.scenario);
     let report = views::gap_report::plume(&title, &analysis.json, &analysis.report);
     write(
         &arguments.output.out,

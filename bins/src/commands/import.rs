@@ -73,7 +73,6 @@ pub struct ImportArguments {
         long,
         value_name = "HPA",
         value_parser = ranges::real(850.0..=1100.0, " hPa"),
-        allow_negative_numbers = true,
         help_heading = "Altitude"
     )]
     pub qnh_hpa: Option<f64>,

@@ -28,7 +28,6 @@ pub struct PlanArguments {
     #[arg(
         long,
         value_name = "N",
-        allow_negative_numbers = true,
         default_value_t = 6,
         value_parser = clap::value_parser!(u64).range(1..=1000)
     )]

@@ -5,17 +5,17 @@ use crate::feeding::{FeedOptions, Start};
 use crate::ground_station::GroundStation;
 use crate::interrupts::{Interrupts, TERMINATED};
 use crate::metrics::OfRun;
+use crate::mission_files::MissionOptions;
 use crate::outputs::{Outputs, fresh_folder};
 use crate::outside::Outside;
 use crate::pace::{Pace, Reached, Speed};
 use crate::page::{self, LivePage, PageArguments, Serve};
 use crate::progress::Bar;
 use crate::ros2::{Ros2, Ros2Arguments};
-use crate::{Failure, mission_files, preflight, ranges, runtime, site};
+use crate::{Failure, preflight, ranges, runtime, site};
 use anyhow::Context as _;
 use mav_bridge::link::LinkAddress;
 use mission::{Run, Setup};
-use plume::Gas;
 use protocol::message::{Control, ControlWish, Message, Phase};
 use stand_in::TeamWish;
 use std::io::IsTerminal as _;
@@ -34,32 +34,13 @@ const WATCHED: f64 = 30.0;
 pub struct RunArguments {
     /// Scenario to fly (TOML)
     pub scenario: PathBuf,
-    /// Seed of all random numbers, 0 to 2^63 - 1 [default: the scenario's]
-    #[arg(
-        long,
-        value_name = "N",
-        value_parser = ranges::seed,
-        allow_negative_numbers = true,
-        help_heading = "Mission"
-    )]
-    pub seed: Option<u64>,
-    /// Length of the mission, 1 to 1000000 simulated s [default: the scenario's]
-    #[arg(
-        long,
-        value_name = "S",
-        value_parser = ranges::duration_s,
-        allow_negative_numbers = true,
-        help_heading = "Mission"
-    )]
-    pub duration: Option<f64>,
+    /// Seed, length and gas
+    #[command(flatten)]
+    pub mission: MissionOptions,
     /// Speed of the mission: real, max, or a factor of real time above 0 [default: max; 30 when started from a terminal
     /// with a live page and without --out]
-    #[arg(long, allow_negative_numbers = true, help_heading = "Mission")]
+    #[arg(long, help_heading = "Mission")]
     pub speed: Option<Speed>,
-    /// Gas that the sensors measure: co2, ch4, n2o and so on, or one of the scenario's [[gas]] [default:
-    /// that of the first source]
-    #[arg(long, value_name = "GAS", help_heading = "Mission")]
-    pub gas: Option<Gas>,
     /// Apply named causes to the simulated world while the mission flies
     #[arg(long, help_heading = "Mission")]
     pub adopt: bool,
@@ -98,7 +79,6 @@ pub struct RunArguments {
         long,
         value_name = "N",
         value_parser = ranges::whole(0..=ranges::TEAM),
-        allow_negative_numbers = true,
         help_heading = "Real vehicles"
     )]
     pub real_stand_ins: Option<usize>,
@@ -120,7 +100,6 @@ pub struct RunArguments {
         long,
         value_name = "S|file",
         requires = "feed",
-        allow_negative_numbers = true,
         help_heading = "Measured data"
     )]
     pub feed_start: Option<Start>,
@@ -145,8 +124,7 @@ impl RunArguments {
     /// # Errors
     /// Wrong input, with what was expected.
     pub fn setup(&self) -> Result<Setup, Failure> {
-        let setup = mission_files::load_changed(&self.scenario, self.seed, self.duration)?;
-        let mut setup = mission_files::for_gas(setup, self.gas)?;
+        let mut setup = self.mission.setup(&self.scenario)?;
         setup.scenario.gap.adopt |= self.adopt;
         if let Some(count) = self.real_stand_ins {
             setup = setup.with_stand_ins(count).map_err(Failure::input)?;

@@ -27,7 +27,6 @@ pub struct TuneArguments {
         long,
         value_name = "N",
         value_parser = ranges::seed,
-        allow_negative_numbers = true,
         default_value_t = 1
     )]
     pub seed: u64,
@@ -36,7 +35,6 @@ pub struct TuneArguments {
         long,
         value_name = "N",
         value_parser = ranges::whole(1..=CANDIDATES),
-        allow_negative_numbers = true,
         default_value_t = 300
     )]
     pub candidates: usize,

@@ -183,7 +183,7 @@ pub fn analyse_from(
     let readings = Readings::of(observations);
     let (observations, zero_s) = observations.counted_from_near_zero()?;
     let setup = &setup.counted_from(zero_s);
-    let mut of = |before| counted_from_near_zero(before, setup, &observations, options, progress);
+    let mut of = |before| analyse_once(before, setup, &observations, options, progress);
     let mut analysis = of(before.filter(|b| b.zero_s == zero_s))?;
     if before.is_some_and(|b| b.is_all) && analysis.json.verdict != Verdict::None {
         analysis = of(None)?;
@@ -212,7 +212,8 @@ struct Study<'a> {
     carried: Option<wind::Carried>,
 }
 
-fn counted_from_near_zero(
+/// Analyses observations whose times count from near zero.
+fn analyse_once(
     before: Option<&Begun>,
     setup: &Setup,
     observations: &Observations,

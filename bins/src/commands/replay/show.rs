@@ -38,13 +38,7 @@ pub struct ShowArguments {
     )]
     address: String,
     /// Initial speed: real, max, or a factor of real time above 0
-    #[arg(
-        long,
-        default_value = "10",
-        requires = "serve",
-        allow_negative_numbers = true,
-        help_heading = "Page"
-    )]
+    #[arg(long, default_value = "10", requires = "serve", help_heading = "Page")]
     speed: Speed,
     #[command(flatten)]
     page: PageArguments,

@@ -16,10 +16,10 @@ use protocol::{Agent, AgentId, Event, Interest, Message, Outbox, SimTime, Topic}
 /// Time between two states and two readings, s.
 const REPORT_S: f64 = 0.1;
 
-/// Time between two events that tell of places to which it does not go, s.
+/// Shortest time between two events that report a rejected setpoint, s.
 const REFUSAL_S: f64 = 1.0;
 
-/// What flies.
+/// The vehicle behind the agent.
 pub enum VehicleBackend {
     /// Plumage's own flight dynamics.
     Simulated(Box<SimulatedVehicle>),
@@ -33,11 +33,11 @@ pub struct VirtualAircraft {
     name: Name,
     backend: VehicleBackend,
     monitor: SafetyMonitor,
-    /// What the operator wants in its place.
+    /// The operator's order to replace it by another aircraft.
     swap: Option<Swap>,
-    /// The operator ends the heartbeat to the real aircraft in whose place it flies.
+    /// The operator ended the heartbeat to the real aircraft that it replaces.
     release: bool,
-    /// Events of its host that are not said yet.
+    /// Events of its host that are not published yet.
     pending_events: Vec<EventMessage>,
     next_report_s: f64,
     last_mode: Option<Mode>,
@@ -45,7 +45,7 @@ pub struct VirtualAircraft {
 }
 
 impl VirtualAircraft {
-    /// The vehicle called `name` with its `backend`, watched over by `monitor`.
+    /// The agent `va/<name>` of the vehicle `backend`, with its safety `monitor`.
     ///
     /// # Errors
     /// A name that cannot be part of a key.
@@ -69,8 +69,8 @@ impl VirtualAircraft {
         })
     }
 
-    /// Goes on at `now` as whoever had it before its process was started again: a pilot keeps it, circling where it
-    /// is until he sends it on, and what came home comes home.
+    /// Restores the control level that it had before its process restarted: a pilot keeps it, in a circle at its
+    /// position until the next command, and a vehicle on its way home continues.
     pub fn resume(&mut self, level: ControlLevel, state: &State, now: SimTime) {
         let VehicleBackend::Simulated(backend) = &mut self.backend else {
             return;
@@ -89,32 +89,32 @@ impl VirtualAircraft {
         }
     }
 
-    /// What flies.
+    /// The vehicle behind the agent.
     pub fn backend(&self) -> &VehicleBackend {
         &self.backend
     }
 
-    /// What flies, to hand a bridge's report to it or take its setpoints.
+    /// The same, mutable, to pass on a bridge's report or take its setpoints.
     pub fn backend_mut(&mut self) -> &mut VehicleBackend {
         &mut self.backend
     }
 
-    /// Who flies it, as it was last said; none before.
+    /// The control level last published; none before the first.
     pub fn level(&self) -> Option<ControlLevel> {
         self.last_mode.as_ref().map(|mode| mode.level)
     }
 
-    /// Lets it say an event of its host's at its next tick.
+    /// Publishes an event of its host at the next tick.
     pub fn tell(&mut self, event: EventMessage) {
         self.pending_events.push(event);
     }
 
-    /// What the operator wants in its place, once.
+    /// Takes the operator's order to replace it, once.
     pub fn take_swap(&mut self) -> Option<Swap> {
         self.swap.take()
     }
 
-    /// Whether the operator has ended the heartbeat to the real aircraft in whose place it flies, once.
+    /// Whether the operator has ended the heartbeat to the real aircraft that it replaces; true once.
     pub fn take_release(&mut self) -> bool {
         std::mem::take(&mut self.release)
     }
@@ -130,8 +130,8 @@ impl VirtualAircraft {
         }
     }
 
-    /// Whether it goes to a place, which it looks at itself, whoever sends it there: the last line of defence. That it
-    /// does not is said.
+    /// Checks a place against its own fence and height band, the last line of defence, and reports a rejection by an
+    /// event.
     fn goes_to(&mut self, lat_deg: f64, lon_deg: f64, alt_amsl_m: f64, now: SimTime) -> bool {
         let to = Geodetic::new(lat_deg, lon_deg);
         let Some(why) = self.monitor.refuses(to, alt_amsl_m) else {
@@ -149,7 +149,7 @@ impl VirtualAircraft {
         false
     }
 
-    /// What the operator wishes.
+    /// Executes an operator's command.
     fn control(&mut self, control: &Control, now: SimTime) {
         match (&mut self.backend, control.wish) {
             (VehicleBackend::Simulated(backend), ControlWish::HandBack) => {
@@ -158,15 +158,15 @@ impl VirtualAircraft {
             (VehicleBackend::Simulated(backend), ControlWish::TakeOver) => {
                 backend.take_over(control.sticks, now)
             }
-            // Its host keeps that heartbeat.
+            // Its host sends that heartbeat.
             (_, ControlWish::Release) => self.release = true,
-            // The squadron controller brings it home: whoever else has it here gives it back.
+            // The squadron controller brings it home, so an operator's control ends.
             (VehicleBackend::Simulated(backend), ControlWish::Home) => {
                 if !backend.follows_setpoints() {
                     backend.handle_control(ControlEvent::HandBack);
                 }
             }
-            // A real vehicle's pilot keeps it until he hands it back himself.
+            // A real vehicle's pilot keeps it until a hand-back by remote control.
             (VehicleBackend::Bridged(_), ControlWish::Home) => {}
             (VehicleBackend::Bridged(backend), ControlWish::HandBack) => {
                 backend.handle_control(ControlEvent::HandBack)
@@ -182,7 +182,7 @@ impl VirtualAircraft {
         }
     }
 
-    /// Dangers that begin or end.
+    /// Reports dangers that begin or end to the control level.
     fn update_dangers(&mut self, now: SimTime) {
         let position = match &self.backend {
             VehicleBackend::Simulated(backend) => Some(backend.observed_position()),
@@ -236,7 +236,7 @@ impl Agent for VirtualAircraft {
     }
 
     fn interests(&self) -> Vec<Interest> {
-        // Another kind of aircraft may take its place: what either gets from the world simulator is heard.
+        // A simulated and a real aircraft may replace each other, so it subscribes to the messages for both.
         vec![
             Interest::One(Topic::Setpoint(self.name.clone())),
             Interest::One(Topic::Control(self.name.clone())),
@@ -300,8 +300,8 @@ mod tests {
         }
     }
 
-    /// A real vehicle in the air, once a second, and what the world sends it meanwhile; when the world's silence
-    /// counts, s.
+    /// Time at which a real vehicle in the air reports the world simulator as silent, if that sends what `sends` returns
+    /// once a second, s.
     fn world_missed_at_s(until_s: f64, sends: impl Fn(f64) -> Option<Message>) -> Option<f64> {
         let text = include_str!("../../../scenarios/as-pontes.toml");
         let scenario = Scenario::parse("as-pontes.toml", text).unwrap();
@@ -417,7 +417,7 @@ mod tests {
             body.take_setpoints().len()
         };
         assert_eq!(flown(&mut va, 0, setpoint(43.45, top_m - 50.0)), 1);
-        // 9 km out of it at 2,500 m, as a stranger had it; above it, below it and nowhere.
+        // 9 km outside at 2,500 m; above and below the band; not a number.
         for (k, to) in [
             setpoint(43.561, 2500.0),
             setpoint(43.561, top_m - 50.0),
@@ -432,7 +432,7 @@ mod tests {
             assert_eq!(flown(&mut va, 1 + k as u64, to.clone()), 0, "{to:?}");
         }
         assert_eq!(flown(&mut va, 8, setpoint(43.45, top_m - 50.0)), 1);
-        // Six were refused within 0.2 s.
+        // Six are rejected within 0.2 s, and reported by one event.
         let told = out.messages().iter().filter(|(_, message)| {
             matches!(message, Message::Event(event) if event.code == "setpoint-refused")
         });

@@ -1,4 +1,4 @@
-//! A real aircraft: what it reports comes from a bridge, its setpoints go there.
+//! A real aircraft: a bridge delivers its reports and receives its setpoints.
 
 use crate::report::VehicleReport;
 use fdm::aircraft::Surfaces;
@@ -9,7 +9,7 @@ use protocol::message::{EventMessage, Setpoint, State};
 #[derive(Debug)]
 pub struct BridgedVehicle {
     surfaces: Surfaces,
-    /// What has not been published yet.
+    /// The report that is not published yet.
     pending: VehicleReport,
     last: Option<State>,
     setpoints: Vec<Setpoint>,
@@ -17,7 +17,7 @@ pub struct BridgedVehicle {
 }
 
 impl BridgedVehicle {
-    /// A vehicle with these surfaces that waits for its first report.
+    /// A vehicle with these control surfaces that waits for its first report.
     pub fn new(surfaces: Surfaces) -> Self {
         Self {
             surfaces,
@@ -32,7 +32,7 @@ impl BridgedVehicle {
         &self.surfaces
     }
 
-    /// Takes in a report; a newer state and mode replace those not published yet.
+    /// Receives a report; a newer state and mode replace those not published yet.
     pub fn receive(&mut self, report: VehicleReport) {
         let VehicleReport {
             state,
@@ -56,7 +56,7 @@ impl BridgedVehicle {
         std::mem::take(&mut self.setpoints)
     }
 
-    /// What happened to the control level outside the bridge, in order: dangers that begin or
+    /// Takes the events for the bridge's control level, in order: dangers that begin or
     /// end, hand-backs.
     pub fn take_control_events(&mut self) -> Vec<ControlEvent> {
         std::mem::take(&mut self.control_events)
@@ -71,7 +71,7 @@ impl BridgedVehicle {
         self.last.as_ref()
     }
 
-    /// Something for the team to know.
+    /// Adds an event to publish.
     pub(crate) fn push_event(&mut self, event: EventMessage) {
         self.pending.events.push(event);
     }

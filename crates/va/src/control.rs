@@ -1,13 +1,13 @@
-//! Who flies, as it is said on the bus.
+//! Messages and events about the control level.
 
 use protocol::control_level::{ControlOutcome, ControlState};
 use protocol::message::{ControlLevel, EventMessage, Mode, Severity};
 
-/// Of a vehicle that has flown home for a silence alone and flies on.
+/// Code of the event that a vehicle resumes after a silence.
 pub const RESUMED: &str = "resumed after a silence";
 
-/// Who flies and why, with the dangers that last and the setpoints that were ignored; `doing` is
-/// what the vehicle itself does about it.
+/// The control level with its reason, the lasting dangers and the ignored setpoints; `doing` is the vehicle's own
+/// action.
 pub fn mode(control: &ControlState, doing: &str) -> Mode {
     let mut reason = doing.to_owned();
     let mut add = |text: &str| {
@@ -38,7 +38,7 @@ pub fn mode(control: &ControlState, doing: &str) -> Mode {
     }
 }
 
-/// The answer to a hand-back that was taken at the level `before`: whose the vehicle is now.
+/// The answer to a hand-back at the level `before`: who controls the vehicle now.
 pub(crate) fn hand_back_event(before: ControlLevel, now: ControlLevel) -> EventMessage {
     let (severity, code, text) = match (before, now) {
         (ControlLevel::Automatic, ControlLevel::Automatic) => (
@@ -60,7 +60,7 @@ pub(crate) fn hand_back_event(before: ControlLevel, now: ControlLevel) -> EventM
     EventMessage::new(severity, code, text)
 }
 
-/// A vehicle that went home for a silence alone flies on.
+/// The event that a vehicle resumes after a silence.
 pub(crate) fn resumed_event() -> EventMessage {
     EventMessage {
         severity: Severity::Info,
@@ -69,7 +69,7 @@ pub(crate) fn resumed_event() -> EventMessage {
     }
 }
 
-/// The event for the outcome of a setpoint or a hand-back; none where nobody needs to know.
+/// The event for the outcome of a setpoint or a hand-back; none for an ordinary one.
 pub(crate) fn outcome_event(outcome: ControlOutcome) -> Option<EventMessage> {
     let (code, text) = match outcome {
         ControlOutcome::Taken | ControlOutcome::Followed => return None,

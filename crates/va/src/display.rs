@@ -1,4 +1,4 @@
-//! What a display such as FlightGear shows of a vehicle.
+//! The state of a vehicle for displays such as FlightGear.
 
 use crate::agent::{VehicleBackend, VirtualAircraft};
 use crate::safety_monitor::SafetyMonitor;
@@ -19,7 +19,7 @@ impl VirtualAircraft {
                     lat_deg: state.lat_deg,
                     lon_deg: state.lon_deg,
                     ground_amsl_m: self.monitor().ground_amsl_m(),
-                    // A standard day is near enough for a needle.
+                    // The standard atmosphere is accurate enough for an instrument's needle.
                     density_kg_m3: Atmosphere::standard().at(state.alt_amsl_m).density_kg_m3(),
                     unix_time_s,
                 };
@@ -29,7 +29,7 @@ impl VirtualAircraft {
     }
 }
 
-/// A flight state from what the state on the bus carries.
+/// A flight state from the state on the bus.
 fn flight_state(monitor: &SafetyMonitor, state: &State) -> FlightState {
     let place = monitor.locate(state).at;
     let angles = [state.roll_deg, state.pitch_deg, state.heading_deg].map(f64::to_radians);

@@ -1,9 +1,9 @@
-//! What this crate refuses.
+//! Errors of this crate.
 
-/// Why a virtual aircraft refuses to work.
+/// Error of a virtual aircraft.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum VaError {
-    /// The scenario describes no world.
+    /// The scenario describes no valid world.
     #[error(transparent)]
     World(#[from] scenario::world::WorldError),
     /// The aircraft cannot fly.

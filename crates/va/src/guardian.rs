@@ -1,5 +1,5 @@
 //! The Guardian's way home: to the take-off point around the stacks' keep-outs, and there in a
-//! circle at a height that no other vehicle of the team has.
+//! circle at a height that no other vehicle of the team uses.
 
 use crate::error::VaError;
 use air::geo::{Enu, Geodetic, wrap_signed_deg};
@@ -10,10 +10,10 @@ use scenario::Scenario;
 const CIRCLE_M: f64 = 120.0;
 /// Clearance from a keep-out on the way, m: room for a turn.
 const MARGIN_M: f64 = 120.0;
-/// Height above the ground below that it keeps, m, where the ground rises above its layer.
+/// Least height above the ground, m, where the ground rises above its layer.
 const ABOVE_GROUND_M: f64 = 100.0;
 
-/// Where the Guardian of one vehicle brings it.
+/// The way home of one vehicle.
 #[derive(Debug, Clone)]
 pub(crate) struct Guardian {
     home: Enu,
@@ -23,7 +23,7 @@ pub(crate) struct Guardian {
 }
 
 impl Guardian {
-    /// The Guardian of the vehicle at `index` of the team, whose own layer is `layer_amsl_m`.
+    /// The way home of the vehicle at `index` of the team, with its own layer `layer_amsl_m`.
     pub(crate) fn new(
         scenario: &Scenario,
         index: usize,
@@ -35,7 +35,7 @@ impl Guardian {
         Ok(Self {
             home,
             layer_amsl_m,
-            // What home itself is too near to cannot be kept away from.
+            // A keep-out that contains home cannot be avoided.
             stacks: scenario
                 .sources
                 .iter()

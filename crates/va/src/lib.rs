@@ -2,9 +2,9 @@
 //!
 //! [`VirtualAircraft`] looks the same from outside whether the vehicle is simulated here
 //! ([`SimulatedVehicle`]) or is a real aircraft behind a bridge ([`BridgedVehicle`]): it publishes
-//! state, reading and mode, and follows setpoints when it may. Who flies is decided by the one
+//! state, reading and mode, and follows setpoints when it may. The control level comes from one
 //! state machine [`protocol::control_level`], in the simulated vehicle or in the bridge; its
-//! [`SafetyMonitor`] adds the dangers that the rest of the team and the fence mean.
+//! [`SafetyMonitor`] adds the dangers of silent peers and the fence.
 //!
 //! A simulated vehicle publishes with its first tick that it stands on its launcher:
 //!

@@ -1,5 +1,5 @@
-//! The outer loop of a real aircraft: guidance and total energy as a simulated vehicle has them, by what the aircraft
-//! tells of itself. Its own autopilot holds the bank, pitch and throttle that come out.
+//! The outer loop of a real aircraft: the guidance and total energy control of simulated vehicles, fed with its
+//! telemetry. Its own autopilot holds the commanded bank, pitch and throttle.
 
 use crate::error::VaError;
 use crate::simulated::path_of;
@@ -11,7 +11,7 @@ use protocol::SimTime;
 use protocol::message::{Setpoint, State};
 use scenario::Scenario;
 
-/// A state that comes later than this after the one before is a new beginning, s: what the loops remember is no longer so.
+/// Gap between two states after which the loops restart, s: their integrators are out of date.
 const PAUSE_S: f64 = 1.0;
 
 /// The outer loop of one real vehicle.
@@ -22,12 +22,12 @@ pub struct OuterLoop {
     autopilot: Autopilot,
     cruise_m_s: f64,
     last: Option<SimTime>,
-    /// Where it circles without a setpoint.
+    /// The circle that it flies without a setpoint.
     waits_at: Option<Demand>,
 }
 
 impl OuterLoop {
-    /// For a vehicle of that type in the air of the scenario.
+    /// The outer loop of an aircraft of that type in the air of the scenario.
     ///
     /// # Errors
     /// A scenario that describes no air.
@@ -42,7 +42,7 @@ impl OuterLoop {
         })
     }
 
-    /// The vehicle is not steered now: the next step begins anew.
+    /// Resets the loops, because the vehicle is not steered now.
     pub fn rest(&mut self) {
         if self.last.take().is_some() {
             self.autopilot.reset();
@@ -50,7 +50,7 @@ impl OuterLoop {
         }
     }
 
-    /// What the aircraft shall hold until its next `state`, on its way to `setpoint`; without one it circles where it is.
+    /// The attitude and throttle to hold until the next `state`, on the way to `setpoint`, or in a circle without one.
     /// None on the ground.
     pub fn step(
         &mut self,

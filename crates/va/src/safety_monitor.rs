@@ -1,5 +1,5 @@
-//! What a vehicle monitors by itself: whether the others still send, and whether it is inside its
-//! fence. Dangers begin in the air only; a vehicle on the ground is in none.
+//! Safety monitor of a vehicle: the silence of its peers and its fence.
+//! Dangers begin in the air only.
 
 use crate::error::VaError;
 use air::geo::{Enu, Geodetic};
@@ -9,7 +9,7 @@ use scenario::Scenario;
 use scenario::bounds::Bounds;
 use scenario::tables::VehicleKind;
 
-/// Silence of the squadron controller, which publishes every second, that counts, s.
+/// Silence of the squadron controller, which publishes every second, that counts as a danger, s.
 const CONTROLLER_S: f64 = 5.0;
 /// Silence of the world simulator towards a simulated vehicle (ten ambients a second), s.
 const AMBIENT_S: f64 = 5.0;
@@ -18,7 +18,7 @@ const HEARTBEAT_S: f64 = 25.0;
 /// Hysteresis: a broken fence counts as kept again this far inside, m.
 const BACK_INSIDE_M: f64 = 30.0;
 
-/// Where a vehicle is.
+/// Position of a vehicle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ObservedPosition {
     pub at: Enu,
@@ -45,11 +45,11 @@ impl Watchdog {
         }
     }
 
-    /// `pause_ns` is how long this side did not listen before `now`.
+    /// `pause_ns`: time before `now` during which this process was not running.
     fn check(&mut self, now: SimTime, pause_ns: i64, airborne: bool) -> Option<ControlEvent> {
         self.last_received = self.last_received.map(|t| t.later(pause_ns).min(now));
         if airborne && self.last_received.is_none() {
-            // Found in the air, as after a restart: the others have their time from now on.
+            // In the air at the first tick, as after a restart: the time limits count from now.
             self.last_received = Some(now);
         }
         let silent = self
@@ -108,7 +108,7 @@ impl SafetyMonitor {
         self.bounds.frame().ground_amsl_m
     }
 
-    /// Where `state` is.
+    /// Position in `state`.
     pub(crate) fn locate(&self, state: &protocol::message::State) -> ObservedPosition {
         ObservedPosition {
             at: self
@@ -120,12 +120,12 @@ impl SafetyMonitor {
         }
     }
 
-    /// Why the vehicle does not go to a place, whoever sends it there; nothing where it may.
+    /// The reason to reject a place; none if the vehicle may fly there.
     pub(crate) fn refuses(&self, to: Geodetic, alt_amsl_m: f64) -> Option<String> {
         self.bounds.refuses(to, alt_amsl_m)
     }
 
-    /// The same for a vehicle that is real or simulated, whatever the scenario has in its place.
+    /// The same for a vehicle whose kind differs from the scenario, as after a swap.
     #[must_use]
     pub(crate) fn of_kind(self, real: bool) -> Self {
         let world_s = if real { HEARTBEAT_S } else { AMBIENT_S };
@@ -136,8 +136,8 @@ impl SafetyMonitor {
         }
     }
 
-    /// Resets the watchdog of whoever has sent `message`. A simulated vehicle misses its own air, a real one
-    /// anything that the world sends.
+    /// Resets the watchdog of the sender of `message`. A simulated vehicle needs its own ambient, a real one any message
+    /// of the world simulator.
     pub(crate) fn observe(&mut self, message: &Message, now: SimTime) {
         match message {
             Message::Plan(_) | Message::Setpoint(_) => self.controller.last_received = Some(now),

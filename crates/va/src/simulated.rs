@@ -31,16 +31,16 @@ const BATTERY_LOW: f64 = 0.2;
 const BATTERY_CRITICAL: f64 = 0.08;
 /// Radius of the circle of a vehicle in the air that has no setpoint, m.
 const WAITING_RADIUS_M: f64 = 100.0;
-/// Sticks that were sent and then fall silent for this long are a lost remote control, s.
+/// Silence of the sticks after which the remote control counts as lost, s.
 const STICKS_S: f64 = 2.0;
-/// Sticks let go: level flight at a little more than half power.
+/// Released sticks: level flight at a little more than half power.
 const CENTRED: Sticks = Sticks {
     roll: 0.0,
     pitch: 0.0,
     throttle: 0.55,
 };
 
-/// What a simulated vehicle needs to start.
+/// Configuration of a simulated vehicle.
 pub struct SimulatedConfig<'a> {
     /// The scenario, checked.
     pub scenario: &'a Scenario,
@@ -50,7 +50,7 @@ pub struct SimulatedConfig<'a> {
     pub aircraft: &'a Aircraft,
     /// Height of the ground at its home, m above mean sea level.
     pub ground_amsl_m: f64,
-    /// Height of the layer that it alone has among its neighbours, m above mean sea level
+    /// Height of its layer, which no neighbour shares, m above mean sea level
     /// ([`Scenario::layers_amsl_m`]).
     pub layer_amsl_m: f64,
 }
@@ -75,14 +75,14 @@ pub struct SimulatedVehicle {
     published: Option<ControlState>,
     /// The pilot's sticks.
     sticks: Sticks,
-    /// When sticks came last, if they have to be repeated.
+    /// Time of the last sticks, if they have to be repeated.
     sticks_at: Option<SimTime>,
-    /// Where the pilot sends it instead of flying it by sticks.
+    /// Destination from the pilot, in place of sticks.
     sent_to: Option<Destination>,
     battery: Option<(Battery, StateOfCharge)>,
     events: Vec<EventMessage>,
     last_reading_s: f64,
-    /// The take-off of this flight is behind it.
+    /// The take-off of this flight is complete.
     climbed_out: bool,
 }
 
@@ -95,8 +95,7 @@ impl SimulatedVehicle {
         Self::of(config, None)
     }
 
-    /// A vehicle that goes on from `state`, another aircraft's: in the air as that flies, or on the ground where that
-    /// stands.
+    /// A vehicle that continues from the `state` of another aircraft, in the air or on the ground.
     ///
     /// # Errors
     /// As [`Self::new`].
@@ -177,12 +176,12 @@ impl SimulatedVehicle {
         packet.encode(&flight, &self.sim.aircraft().surfaces)
     }
 
-    /// Share of the battery that is left, 0 to 1; none where the aircraft has no battery.
+    /// Remaining share of the battery, 0 to 1; none without a battery.
     pub fn battery_left(&self) -> Option<f64> {
         self.battery.map(|(_, charge)| charge.fraction())
     }
 
-    /// Where it is, for those who watch its fence.
+    /// Position for the safety monitor.
     pub(crate) fn observed_position(&self) -> ObservedPosition {
         let flight = self.sim.state();
         ObservedPosition {
@@ -205,7 +204,7 @@ impl SimulatedVehicle {
         self.events.extend(control::outcome_event(outcome));
     }
 
-    /// The operator flies it by `sticks`.
+    /// Hands control to the operator, by `sticks` if given.
     pub(crate) fn take_over(&mut self, sticks: Option<protocol::message::Sticks>, now: SimTime) {
         self.sticks = sticks.map_or(CENTRED, |s| {
             let within = |v: f64, low: f64| {
@@ -226,7 +225,7 @@ impl SimulatedVehicle {
         self.handle_control(ControlEvent::Takeover);
     }
 
-    /// The operator who has taken it over ([`Self::is_piloted`]) sends it to a place.
+    /// Sends it to a place, if the operator has taken it over ([`Self::is_piloted`]).
     pub(crate) fn send_to(&mut self, place: &Destination) {
         self.sent_to = Some(*place);
         self.sticks_at = None;
@@ -237,12 +236,12 @@ impl SimulatedVehicle {
         self.control.level() == ControlLevel::Pilot
     }
 
-    /// Whether it flies by itself.
+    /// Whether the control level is automatic.
     pub(crate) fn follows_setpoints(&self) -> bool {
         self.control.level() == ControlLevel::Automatic
     }
 
-    /// Something happens to the control level.
+    /// Applies an event to the control level.
     pub(crate) fn handle_control(&mut self, event: ControlEvent) {
         let before = self.control.level();
         let outcome = self.control.handle(event);
@@ -255,7 +254,7 @@ impl SimulatedVehicle {
             return;
         }
         if level == ControlLevel::Automatic {
-            // What was asked for before may be out of date by now.
+            // Earlier setpoints may be out of date.
             self.setpoint = None;
         }
         if level != ControlLevel::Pilot {
@@ -271,7 +270,7 @@ impl SimulatedVehicle {
             .push(EventMessage::new(severity, "control-level", text));
     }
 
-    /// Who was silent is heard again: what nobody has taken over meanwhile flies on by itself, as long as it is in the air.
+    /// Returns to automatic flight after a silence, if the vehicle is in the air and no pilot has taken it over.
     pub(crate) fn resume(&mut self) {
         if self.control.resumes() && self.sim.state().phase == FlightPhase::Flying {
             self.events.push(control::resumed_event());
@@ -381,7 +380,7 @@ impl SimulatedVehicle {
         }
     }
 
-    /// What the autopilot shall do for a pilot; nothing where his sticks fly.
+    /// The autopilot's demand under a pilot; none while sticks fly.
     fn pilots_demand(&self) -> Option<Demand> {
         let place = self.sent_to?;
         let Enu { east_m, north_m } = self
@@ -394,7 +393,7 @@ impl SimulatedVehicle {
         })
     }
 
-    /// What the autopilot shall do; nothing while the vehicle waits on its launcher.
+    /// The autopilot's demand; none while the vehicle waits on its launcher.
     fn demand(&mut self, state: &FlightState) -> Option<Demand> {
         let waits = state.phase == FlightPhase::OnGround;
         if self.control.level() == ControlLevel::Guardian {
@@ -404,7 +403,7 @@ impl SimulatedVehicle {
             return None;
         }
         if self.setpoint.is_none() {
-            // Handed back in the air: it circles where it is until the next setpoint.
+            // After a hand-back in the air it circles at its position until the next setpoint.
             self.setpoint = Some(hold_at(&self.frame, state, self.speed_m_s));
         }
         let setpoint = self.setpoint.as_ref()?;
@@ -422,7 +421,7 @@ impl SimulatedVehicle {
         })
     }
 
-    /// Climbs out first; with next to nothing in the battery, or already down, it lands.
+    /// The Guardian's demand: climb out, then fly home; land with an almost empty battery or after touch-down.
     fn guardian_demand(&self, state: &FlightState) -> Demand {
         let empty = self
             .battery_left()
@@ -452,7 +451,7 @@ impl SimulatedVehicle {
         }
     }
 
-    /// The ground below, as far as it is known.
+    /// Height of the ground below, if known.
     fn ground_amsl_m(&self) -> f64 {
         self.ambient
             .as_ref()
@@ -505,7 +504,7 @@ impl SimulatedVehicle {
     }
 }
 
-/// The aircraft in the place of another that is in `state`.
+/// The initial flight state of an aircraft that replaces another in `state`.
 fn flown_as(state: &State, aircraft: &Aircraft, frame: &LocalFrame) -> Result<FlightSim, VaError> {
     let at = frame.to_enu(Geodetic::new(state.lat_deg, state.lon_deg));
     let (north_m, east_m, heading_deg) = (at.north_m, at.east_m, state.heading_deg);
@@ -552,7 +551,7 @@ fn position_of(state: &FlightState) -> Enu {
     Enu::new(state.east_m, state.north_m)
 }
 
-/// A circle around where a vehicle is.
+/// A circle around a vehicle's position.
 fn hold_at(frame: &LocalFrame, state: &FlightState, airspeed_m_s: f64) -> Setpoint {
     let Geodetic { lat_deg, lon_deg } = frame.to_geodetic(position_of(state));
     Setpoint {
@@ -569,7 +568,7 @@ fn place_of(setpoint: &Setpoint, frame: &LocalFrame) -> Enu {
     frame.to_enu(Geodetic::new(setpoint.lat_deg, setpoint.lon_deg))
 }
 
-/// The path in flight that a setpoint means.
+/// The flight path to a setpoint.
 pub(crate) fn path_of(setpoint: &Setpoint, frame: &LocalFrame) -> Path {
     let Enu { east_m, north_m } = place_of(setpoint, frame);
     match setpoint.path {
@@ -594,7 +593,7 @@ mod tests {
     const AS_PONTES: &str = include_str!("../../../scenarios/as-pontes.toml");
     const X8: &str = include_str!("../../../aircraft/x8.toml");
 
-    /// The first state of a vehicle that takes the place of one in `state`.
+    /// The first published state of a vehicle that replaces one in `state`.
     fn first(state: &State) -> State {
         let scenario = Scenario::parse("as-pontes.toml", AS_PONTES).unwrap();
         let aircraft = Aircraft::from_toml("x8.toml", X8).unwrap();

@@ -1,4 +1,4 @@
-//! What a session counts, for whoever watches over it.
+//! Counters of a session, for metrics.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -16,22 +16,22 @@ struct Counts {
 }
 
 impl Figures {
-    /// Messages that came in and were taken.
+    /// Accepted messages.
     pub fn heard(&self) -> u64 {
         self.0.heard.load(Ordering::Relaxed)
     }
 
-    /// Messages that came in and were refused.
+    /// Rejected messages.
     pub fn refused(&self) -> u64 {
         self.0.refused.load(Ordering::Relaxed)
     }
 
-    /// Messages that went out.
+    /// Published messages.
     pub fn said(&self) -> u64 {
         self.0.said.load(Ordering::Relaxed)
     }
 
-    /// Connections to other processes that broke, or that those closed.
+    /// Connections that broke or were closed by peers.
     pub fn lost(&self) -> u64 {
         self.0.lost.load(Ordering::Relaxed)
     }

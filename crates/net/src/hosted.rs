@@ -1,10 +1,10 @@
-//! The agents of one process, and who of them hears what.
+//! The agents of one process and their subscriptions.
 
 use protocol::jobs::{Arrival, Jobs};
 use protocol::{Agent, AgentId, Envelope, Event, Interest, Outbox, SimTime, Topic};
 
-/// A process with more vehicles than this hears what is said to any: every expression that it subscribes to costs
-/// all others some work for each message on the bus.
+/// A process with more vehicles than this subscribes to the messages for all: each key expression costs
+/// all other processes some work per message on the bus.
 const MANY: usize = 8;
 
 /// The agents that one process hosts on one session.
@@ -13,12 +13,12 @@ pub(crate) struct Hosted {
     interests: Vec<Vec<Interest>>,
     jobs: Vec<Jobs>,
     arrival: Arrival,
-    /// What any of them wants to hear, each once.
+    /// The interests of all agents, each once.
     pub(crate) all: Vec<Interest>,
 }
 
 impl Hosted {
-    /// Of `agents`, to whom results of jobs arrive so.
+    /// Hosts `agents`; the results of their jobs arrive as `arrival` states.
     pub(crate) fn of<A: Agent>(agents: &[A], arrival: Arrival) -> Self {
         let interests: Vec<Vec<Interest>> = agents.iter().map(Agent::interests).collect();
         let mut all: Vec<Interest> = Vec::new();
@@ -54,7 +54,7 @@ impl Hosted {
         self.jobs[k].run(agent, self.arrival, event, now, outbox);
     }
 
-    /// Hands the `k`-th agent what it wants to hear of what others said.
+    /// Passes a message to the `k`-th agent if it is interested.
     pub(crate) fn hand_out<A: Agent>(
         &self,
         k: usize,
@@ -72,7 +72,7 @@ impl Hosted {
     }
 }
 
-/// Whether what is wanted is subscribed to already.
+/// Whether a subscription covers an interest already.
 fn covers(known: &Interest, wanted: &Interest) -> bool {
     match (known, wanted) {
         (Interest::OfAny(_), Interest::OfAny(topic)) => known.covers(topic),

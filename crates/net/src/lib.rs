@@ -1,14 +1,14 @@
 //! The bus over Zenoh: the envelopes of `protocol` between processes and hosts.
 //!
 //! Needs a multi-thread tokio runtime. Multicast scouting is off and only the endpoints given
-//! are used, so that nobody else on a network gets in; gossip lets the peers that met at one
+//! are used, so that no other process on a network joins; gossip lets the peers that met at one
 //! endpoint find each other. Nothing is dropped: congestion control blocks the sender.
 //!
-//! A [`Net`] is one process's session on the bus of one mission, and [`NetOptions`] say how it
-//! joins and who may. [`lockstep`] runs an agent tick by tick under a conductor; [`realtime`] runs
+//! A [`Net`] is one process's session on the bus of one mission, opened with [`NetOptions`].
+//! [`lockstep`] runs an agent tick by tick under a conductor; [`realtime`] runs
 //! it by the wall clock, with the squadron controller's process keeping the mission's time. Both begin with
-//! [joining](protocol::joining), and all that is said carries a [seal](protocol::seal) of the mission's key.
-//! [`presence`] says who is there and who is missing, and [`OneRun`] keeps a mission to one run. [`ros2`] is no part of the bus: it tells ROS 2 of a mission.
+//! [joining](protocol::joining), and every message carries a [seal](protocol::seal) of the mission's key.
+//! [`presence`] reports present and missing agents, and [`OneRun`] keeps a mission to one run. [`ros2`] is separate from the bus: it publishes a mission to ROS 2.
 //!
 //! ```
 //! use net::{Net, NetOptions};
@@ -17,7 +17,7 @@
 //!
 //! # #[tokio::main(flavor = "multi_thread")]
 //! # async fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! // A free port of this host: nobody else gets in.
+//! // A free port of this host.
 //! let options = NetOptions {
 //!     listen: vec!["tcp/127.0.0.1:0".to_owned()],
 //!     ..NetOptions::default()
@@ -30,10 +30,10 @@
 //! # }
 //! ```
 //!
-//! What calls Zenoh is boxed: an `async fn` is compiled anew, with all of Zenoh that it awaits, by each program and test
-//! that awaits it; what is boxed is compiled here.
+//! Futures that call Zenoh are boxed: each program and test that awaits an `async fn` compiles it again, with all of
+//! Zenoh that it awaits; a boxed future is compiled here, once.
 //!
-//! Not pure, and for programs only: sockets, threads and the wall clock are what it is about.
+//! Not pure, and for programs only: it handles sockets, threads and the wall clock.
 
 mod asking;
 mod figures;
@@ -59,53 +59,53 @@ pub use presence::Presence;
 pub use runs::OneRun;
 pub use session::{Net, Received};
 
-/// Why the bus did not carry what it was given.
+/// Error of the bus.
 #[derive(Debug, Clone, thiserror::Error, PartialEq)]
 pub enum NetError {
-    /// Zenoh does not take an option.
+    /// Zenoh rejects an option.
     #[error("network: option {key} = {value}: {why}")]
     Option {
         /// Zenoh's name of the option.
         key: String,
-        /// What was asked for, as JSON.
+        /// The value, as JSON.
         value: String,
-        /// What Zenoh says to it.
+        /// Zenoh's error.
         why: String,
     },
-    /// What is no place to listen or to connect to.
+    /// An invalid endpoint.
     #[error(
         "endpoint {0}: expected PROTOCOL/ADDRESS:PORT, such as tcp/127.0.0.1:7447 or tls/[2001:db8::1]:7447"
     )]
     Endpoint(String),
-    /// Zenoh refused or failed: an endpoint that is taken, a session that is closed.
+    /// Zenoh failed: an endpoint in use, a closed session.
     #[error("network: {0}")]
     Zenoh(String),
-    /// The mission did not let this process in.
+    /// The mission did not admit this process.
     #[error("the mission rejected this process: {0}")]
     Refused(String),
-    /// Something was to be said before a run was joined.
+    /// A message was published before a run was joined.
     #[error("network: cannot publish before the mission's time is known")]
     NotJoined,
     /// The system has no random numbers.
     #[error("the system provides no random numbers: {0}")]
     Random(String),
-    /// The session ended while something was still awaited.
+    /// The session ended during a wait.
     #[error("network: the session has closed")]
     Closed,
-    /// Agents of a lockstep run, or its conductor, left before its end or answer no more.
+    /// Agents of a lockstep run, or its conductor, left before its end or stopped answering.
     #[error("a process of the lockstep run stopped responding: {}; the run ended before tick {tick} was finished", in_words(.agents))]
     Gone {
-        /// Who has gone.
+        /// The missing agents.
         agents: Vec<protocol::AgentId>,
-        /// The tick that was not finished.
+        /// The unfinished tick.
         tick: u64,
     },
-    /// Agents of the team are there, and in no run: those of a mission in lockstep.
+    /// Agents of the team are present without a run, as in lockstep.
     #[error(
         "{0} are on the bus already and in no run; stop them, or start them for real time, before this mission starts"
     )]
     NoRun(String),
-    /// Another run of the mission flies that counts.
+    /// Another, older run of the mission flies.
     #[error(
         "another run of this mission is active, {older_s} s older than this one, with {members}; \
          a mission has one run: restart this process to join that one"
@@ -116,7 +116,7 @@ pub enum NetError {
         /// How much earlier it began, s.
         older_s: u64,
     },
-    /// What was said in a lockstep run did not arrive.
+    /// A message of a lockstep run did not arrive.
     #[error(
         "a message of the lockstep run was lost: {path} number {sequence}; the run ended before tick {tick} \
              was finished"
@@ -124,17 +124,17 @@ pub enum NetError {
     Lost {
         /// The topic.
         path: String,
-        /// The number of the message that was to come.
+        /// The number of the expected message.
         sequence: u64,
-        /// The tick that was not finished.
+        /// The unfinished tick.
         tick: u64,
     },
 }
 
-/// Whether all of `endpoints` may be places.
+/// Checks the syntax of `endpoints`.
 ///
 /// # Errors
-/// [`NetError::Endpoint`] with the first that is none.
+/// [`NetError::Endpoint`] with the first invalid one.
 fn check_endpoints(endpoints: impl IntoIterator<Item: AsRef<str>>) -> Result<(), NetError> {
     for endpoint in endpoints {
         let endpoint = endpoint.as_ref();
@@ -145,7 +145,7 @@ fn check_endpoints(endpoints: impl IntoIterator<Item: AsRef<str>>) -> Result<(),
 }
 
 impl NetError {
-    /// What Zenoh did not do.
+    /// The operation that Zenoh failed at.
     fn zenoh(error: impl std::fmt::Display) -> Self {
         Self::Zenoh(error.to_string())
     }
@@ -156,7 +156,7 @@ fn names(agents: &[protocol::AgentId]) -> String {
     names.join(", ")
 }
 
-/// The same for people.
+/// The same as text.
 fn in_words(agents: &[protocol::AgentId]) -> String {
     let conductor = protocol::AgentId::clock().to_string();
     names(agents).replace(&conductor, "the conductor")

@@ -3,8 +3,8 @@
 //! each key, the next tick carries the union, and an agent starts a tick only when it holds all
 //! of these, since Zenoh keeps no order across publishers.
 //!
-//! Nobody goes on without the others: where somebody is missing, or what was said does not arrive, the run ends for
-//! all within 10 s. The conductor finds out who it is, tells the others, and goes; they end when it has gone.
+//! No process continues without the others: if one is missing, or a message does not arrive, the run ends for
+//! all within 10 s. The conductor names the missing process to the others and leaves; they end when it has left.
 
 use crate::hosted::Hosted;
 use crate::presence::CALL_EVERY;
@@ -18,23 +18,23 @@ use protocol::{Agent, AgentId, Envelope, Event, Interest, Outbox, ProtocolError,
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
 
-/// Checks, [`CALL_EVERY`] apart, through which what was said may be on its way to who waits for it. Nobody sends it
-/// again once a connection is lost.
+/// Number of checks, [`CALL_EVERY`] apart, for which a message may be under way. It is not sent
+/// again after a connection is lost.
 const ON_ITS_WAY: u32 = 7;
-/// Code of the event by which the conductor says who is missing.
+/// Code of the conductor's event that names the missing process.
 const MISSING: &str = "missing";
 /// Time for that event to arrive before the conductor's connections close.
 const LEAVE: Duration = Duration::from_millis(200);
 
-/// `done` of an agent that stands ready before the first tick.
+/// `done` of an agent that is ready before the first tick.
 pub const READY: i64 = -1;
 
-/// Messages that came in and wait for the tick in which they are handled.
+/// Received messages that wait for their tick.
 #[derive(Default)]
 struct Inbox {
     waiting: Vec<(Topic, Envelope)>,
     held: BTreeMap<String, u64>,
-    /// Number of the tick that comes next, for messages.
+    /// Number of the next tick, for error messages.
     next_tick: u64,
 }
 
@@ -49,7 +49,7 @@ impl Inbox {
         self.lacks(expect, interests).is_none()
     }
 
-    /// The first of what is expected that has not come.
+    /// The first expected message that has not arrived.
     fn lacks(&self, expect: &LastSequences, interests: &[Interest]) -> Option<(String, u64)> {
         let lacking = expect.iter().find(|(path, sequence)| {
             self.held.get(*path).is_none_or(|held| held < *sequence)
@@ -58,7 +58,7 @@ impl Inbox {
         lacking.map(|(path, sequence)| (path.clone(), *sequence))
     }
 
-    /// What was said before `now`, in order.
+    /// Messages from before `now`, in order.
     fn before(&mut self, now: SimTime) -> Vec<(Topic, Envelope)> {
         let waiting = std::mem::take(&mut self.waiting);
         let (mut due, later) = waiting
@@ -111,7 +111,7 @@ pub async fn run<A: Agent>(
         let event = if tick.last { Event::Stop } else { Event::Tick };
         for (k, agent) in agents.iter_mut().enumerate() {
             if k == 0 {
-                // Garbage is told of, once a process, and otherwise does not exist.
+                // Unreadable messages are reported once per process and ignored.
                 refusals.say(agent.id(), now, &mut outbox);
             }
             hosted.hand_out(k, agent, &said, now, &mut outbox);
@@ -126,10 +126,10 @@ pub async fn run<A: Agent>(
     }
 }
 
-/// Waits until all of `others` are present, and asks the conductor to be let in.
+/// Waits until all of `others` are present, and asks the conductor for admission.
 ///
 /// # Errors
-/// [`NetError::Gone`] where the conductor goes meanwhile: nobody begins without it.
+/// [`NetError::Gone`] if the conductor leaves meanwhile.
 async fn join(net: &Net, others: &[AgentId]) -> Result<(), NetError> {
     let (presence, conductor) = (net.presence(), AgentId::clock());
     let gone = async {
@@ -147,12 +147,12 @@ async fn join(net: &Net, others: &[AgentId]) -> Result<(), NetError> {
     }
 }
 
-/// What the conductor says beside its ticks.
+/// The conductor's messages apart from its ticks.
 fn of_conductor() -> Interest {
     Interest::One(Topic::Event(AgentId::clock()))
 }
 
-/// Waits for the next tick and for all that it expects.
+/// Waits for the next tick and for all messages that it requires.
 async fn next_tick(
     net: &mut Net,
     inbox: &mut Inbox,
@@ -208,7 +208,7 @@ async fn next_tick(
     }
 }
 
-/// What the conductor said of who is missing.
+/// The missing processes that the conductor named.
 fn missing_by(text: &str, tick: u64) -> NetError {
     let agents = text
         .split(", ")
@@ -219,15 +219,15 @@ fn missing_by(text: &str, tick: u64) -> NetError {
     }
 }
 
-/// Whether somebody is not there any more, or does not answer.
+/// Whether a process has left or does not answer.
 fn is_missing(net: &Net, agent: &AgentId) -> bool {
     !net.presence().everybody().contains(&agent.to_string())
 }
 
-/// A wait for somebody who may have gone.
+/// A wait for a process that may have left.
 struct Wait {
     check_at: Instant,
-    /// Checks at which something that was said had not arrived.
+    /// Checks at which a message had not arrived.
     lacking: u32,
 }
 
@@ -239,10 +239,10 @@ impl Wait {
         }
     }
 
-    /// What comes next; none when it is time to check who is there.
+    /// The next message; none when a check of presence is due.
     async fn receive(&mut self, net: &mut Net) -> Option<Option<crate::Received>> {
         let now = Instant::now();
-        // Also while somebody speaks without end.
+        // Also under a continuous stream of messages.
         if now < self.check_at
             && let Ok(received) = tokio::time::timeout_at(self.check_at.into(), net.receive()).await
         {
@@ -252,7 +252,7 @@ impl Wait {
         None
     }
 
-    /// Whether what is expected has not come for so long that it will not come any more.
+    /// Whether an expected message is so late that it counts as lost.
     fn check_lost(
         &mut self,
         inbox: &Inbox,
@@ -284,16 +284,16 @@ async fn say_done(
 ) -> Result<(), NetError> {
     let topic = Topic::Done(own.clone());
     let message = Message::Done(Done { tick, wrote });
-    // The clock's own traffic has numbers of its own: agents' sequences must not depend on it.
+    // The clock's messages are numbered apart: agents' sequence numbers must not depend on them.
     let envelope = Envelope::new(own.clone(), (tick + 2) as u64, now, message);
     net.publish(&topic, &envelope).await
 }
 
-/// Follows a lockstep run of `team` as its recorder until its end: `take` is handed what was said
-/// in each tick, in order.
+/// Records a lockstep run of `team` until its end: `take` receives the messages
+/// of each tick, in order.
 ///
 /// # Errors
-/// [`NetError`], or what `take` refuses.
+/// [`NetError`], or an error of `take`.
 pub async fn observe<E: From<NetError>>(
     net: &mut Net,
     team: &[AgentId],
@@ -304,14 +304,14 @@ pub async fn observe<E: From<NetError>>(
     let interests = [Interest::Everything];
     net.subscribe(&interests).await?;
     let _presence = net.announce(&own).await?;
-    // Who is seen has heard of the subscription above, so that nothing is missed.
+    // A present agent knows the subscription above, so no message is lost.
     let others: Vec<AgentId> = team.iter().chain([&AgentId::clock()]).cloned().collect();
     join(net, &others).await?;
     say_done(net, &own, SimTime::ZERO, READY, LastSequences::new()).await?;
     let mut inbox = Inbox::default();
     let mut ending = false;
     loop {
-        // A recorder has nobody to tell of garbage; the agents it came to do.
+        // The receiving agents report unreadable messages; a recorder does not.
         let tick = next_tick(net, &mut inbox, &interests, &mut Refusals::default()).await?;
         let now = SimTime::of_tick(tick.tick, tick_ns);
         take(&inbox.before(now))?;
@@ -335,7 +335,7 @@ pub struct Conductor {
 }
 
 impl Conductor {
-    /// Waits until all of `team` stand ready. The conductor hears everything, so that its owner
+    /// Waits until all of `team` are ready. The conductor subscribes to everything, so that its owner
     /// can record the run.
     ///
     /// # Errors
@@ -363,20 +363,20 @@ impl Conductor {
         })
     }
 
-    /// Number of the tick to come.
+    /// Number of the next tick.
     pub fn next_tick(&self) -> u64 {
         self.tick
     }
 
-    /// Simulated time of the tick to come.
+    /// Simulated time of the next tick.
     pub fn now(&self) -> SimTime {
         SimTime::of_tick(self.tick, self.tick_ns)
     }
 
-    /// Runs one tick, the last one if `last`, and returns what was said in it, in order.
+    /// Runs one tick, the last one if `last`, and returns its messages, in order.
     ///
     /// # Errors
-    /// [`NetError`], also when an agent of the team has gone.
+    /// [`NetError`], also if an agent of the team has left.
     pub async fn step(
         &mut self,
         net: &mut Net,
@@ -395,7 +395,7 @@ impl Conductor {
         Ok(self.inbox.before(self.now()))
     }
 
-    /// Tells a recorder what the last tick held, after all agents have gone.
+    /// Announces the messages of the last tick to a recorder, after all agents have left.
     ///
     /// # Errors
     /// [`NetError`].
@@ -411,7 +411,7 @@ impl Conductor {
         net.publish(&Topic::Tick, &envelope).await
     }
 
-    /// What was refused since the last call: garbage and foreign senders.
+    /// Messages rejected since the last call: unreadable ones and foreign senders.
     pub fn refused(&mut self) -> Vec<ProtocolError> {
         std::mem::take(&mut self.refused)
     }
@@ -450,7 +450,7 @@ impl Conductor {
         }
     }
 
-    /// Whether those who are waited for are still there, and what they said arrives; if not, the others are told.
+    /// Checks that the awaited agents are present and their messages arrive; if not, notifies the others.
     async fn check(
         &self,
         net: &mut Net,

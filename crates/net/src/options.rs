@@ -1,11 +1,11 @@
-//! How a process joins the bus, and what that means to Zenoh.
+//! Options with which a process joins the bus, and Zenoh's configuration for them.
 
 use crate::NetError;
 
-/// Where the squadron controller listens and the others connect by default.
+/// Endpoint at which the squadron controller listens and the others connect by default.
 pub const DEFAULT_ENDPOINT: &str = "tcp/127.0.0.1:7447";
 
-/// How a process joins the bus.
+/// Options with which a process joins the bus.
 #[derive(Debug, Clone, Default)]
 pub struct NetOptions {
     /// Endpoints to listen on, such as `tcp/127.0.0.1:7447` or `tls/0.0.0.0:7447`.
@@ -16,30 +16,30 @@ pub struct NetOptions {
     pub json: bool,
     /// PEM files for TLS endpoints: root certificate, own certificate, own private key.
     pub tls: Option<TlsFiles>,
-    /// Who may say what, by the names in certificates: Zenoh's `access_control`, as JSON.
+    /// Permissions by the names in certificates: Zenoh's `access_control`, as JSON.
     pub access_control: Option<String>,
     /// User name and password that every peer must show.
     pub user_password: Option<(String, String)>,
     /// File of `user:password` lines that a listening process accepts.
     pub password_file: Option<String>,
-    /// By the wall clock, and not tick by tick: nobody waits for long for one who takes in nothing any more.
+    /// Run by the wall clock, not tick by tick: a publisher waits only briefly for a peer that stopped reading.
     pub real_time: bool,
 }
 
-/// Time within which a connection is made or given up, ms: a first packet that is lost is sent again after 1 and 3 s,
-/// and a dial that began while the way was cut must not outlast it by more.
+/// Time limit to open a connection, ms: TCP repeats a lost first packet after 1 and 3 s,
+/// and an attempt that began during an interruption must not outlast it by more.
 const OPEN_MS: u64 = 4000;
-/// Time between two dials of an endpoint at first, and at most, ms.
+/// First and longest interval between two attempts to connect to an endpoint, ms.
 const DIAL_MS: (u64, u64) = (500, 1000);
-/// In real time: how long a message waits for a peer that takes in nothing, before the connection to him is closed and
-/// dialled again, µs. His share of the system's memory and [`QUEUED`] batches are full by then, seconds of a mission,
-/// and whoever waits is silent towards all others: for the seven processes of another host 2 s, which is below the
-/// 5 s after which a vehicle comes home.
+/// In real time: time that a message waits for a peer that stopped reading, before its connection is closed and
+/// reopened, µs. By then the system's buffers and [`QUEUED`] batches, seconds of a mission, are full, and the
+/// publisher is silent towards all others: 2 s for the seven processes of another host, which is less than the
+/// 5 s after which a vehicle flies home.
 const BLOCKED_US: u64 = 250_000;
-/// Batches that may wait for a peer, the most that Zenoh takes.
+/// Batches queued for a peer: Zenoh's maximum.
 const QUEUED: u64 = 16;
 
-/// PEM files for TLS. The process needs one thread of Zenoh for all that is read and written, by the
+/// PEM files for TLS. The process needs a single I/O thread of Zenoh, set by the
 /// environment variable `ZENOH_RUNTIME`: Zenoh 1.10 otherwise loses connections (eclipse-zenoh/zenoh#2557).
 #[derive(Debug, Clone)]
 pub struct TlsFiles {
@@ -49,7 +49,7 @@ pub struct TlsFiles {
     pub certificate: Option<String>,
     /// Own private key, needed to listen.
     pub private_key: Option<String>,
-    /// Both sides show a certificate, also the one that connects.
+    /// Require a certificate of the connecting side as well.
     pub mutual: bool,
 }
 
@@ -73,7 +73,7 @@ pub(crate) fn set(
 }
 
 impl NetOptions {
-    /// What Zenoh calls all this.
+    /// Zenoh's configuration for these options.
     pub(crate) fn configuration(&self) -> Result<zenoh::Config, NetError> {
         crate::check_endpoints(self.listen.iter().chain(&self.connect))?;
         let mut config = zenoh::Config::default();
@@ -97,7 +97,7 @@ impl NetOptions {
         };
         set("listen/endpoints", listen.clone().into())?;
         set("connect/endpoints", self.connect.clone().into())?;
-        // Agents may be started in any order: keep trying until the other side is there.
+        // Agents start in any order: retry until the other side is present.
         set("connect/timeout_ms", (-1).into())?;
         set("connect/exit_on_failure", false.into())?;
         set(
@@ -139,9 +139,9 @@ impl NetOptions {
             let rules = serde_json::from_str(access).map_err(NetError::zenoh)?;
             set("access_control", rules)?;
         }
-        // Of two that meet by gossip one opens the connection: two that do so at once may end with one over which only
-        // one hears the other, and with passwords with none (eclipse-zenoh/zenoh#2577). Where he cannot reach the other,
-        // that one tries later.
+        // Of two peers that meet by gossip only one opens the connection: simultaneous attempts may end with one that works
+        // in one direction only, and with passwords with none (eclipse-zenoh/zenoh#2577). If it cannot reach the other, the
+        // other tries later.
         set(
             "scouting/gossip/autoconnect_strategy",
             serde_json::json!({"peer": {"to_router": "always", "to_peer": "greater-zid"}}),

@@ -1,6 +1,6 @@
 //! Real time: every agent ticks by its own wall clock. The process that keeps the mission's time
-//! (the squadron controller's) answers what time it is; the others ask at their start and take
-//! the answer with the shortest way (Cristian 1989), so hosts need no synchronised clocks.
+//! (the squadron controller's) answers queries for it; the others query it at their start and use
+//! the answer with the shortest round trip (Cristian 1989), so hosts need no synchronised clocks.
 
 use crate::hosted::Hosted;
 use crate::refusals::Refusals;
@@ -17,23 +17,23 @@ pub struct MissionClock {
     start: Instant,
 }
 
-/// How often the time is asked for at the start.
+/// Number of queries for the time at the start.
 const QUESTIONS: usize = 8;
 
-/// How long a keeper of the time that starts looks for a run before it offers one: the others dial it every second.
+/// Time for which a starting timekeeper searches for a run before it offers one, since the others dial it every second.
 const LOOK_FOR: Duration = Duration::from_secs(2);
-/// How long a run was found before it is taken up: those who remember where it stands connect one by one.
+/// Time between the discovery of a run and its continuation: the processes that remember its state connect one by one.
 const FOUND_FOR: Duration = Duration::from_millis(300);
 const NS_PER_S: i64 = 1_000_000_000;
-/// Time between two looks.
+/// Interval of the search.
 const LOOK_AGAIN: Duration = Duration::from_millis(50);
 
 impl MissionClock {
-    /// Keeps the mission's time from now on, lets the others in and tells them the time for as long as `net` is open: of
-    /// the run that flies already, or of a new one once the first agent of the team joins it.
+    /// Keeps the mission's time while `net` is open, admits the others and answers their queries: in the run that flies
+    /// already, or in a new one that begins when the first agent of the team joins.
     ///
     /// # Errors
-    /// [`NetError`], also where somebody keeps the mission's time already, or where agents are there that are in no run.
+    /// [`NetError`]; also if another process keeps the mission's time, or agents are present without a run.
     pub fn keep(net: &Net) -> BoxFuture<'_, Result<Self, NetError>> {
         Box::pin(async move {
             let door = joining::door(net).await?;
@@ -71,10 +71,10 @@ impl MissionClock {
         })
     }
 
-    /// Asks the keeper of the mission's time, until it answers. With this the process is let in, and can speak.
+    /// Queries the mission's timekeeper until it answers. The answer admits the process, which can publish from then on.
     ///
     /// # Errors
-    /// [`NetError::Zenoh`]; [`NetError::Refused`] where it is not let in.
+    /// [`NetError::Zenoh`]; [`NetError::Refused`] if it is not admitted.
     pub fn ask(net: &Net) -> BoxFuture<'_, Result<Self, NetError>> {
         Box::pin(async move {
             let mut best = joining::ask(net).await?;
@@ -106,20 +106,20 @@ impl MissionClock {
     }
 }
 
-/// What is around the agents of a process beside the bus: links, displays, and when to end.
+/// Surroundings of the agents of a process apart from the bus: links, displays, and the end of the run.
 pub trait Surroundings<A> {
-    /// Whether the run ends with the tick that is due then.
+    /// Whether the run ends with the tick due at that time.
     fn ends(&mut self, due: SimTime, agents: &mut [A]) -> bool;
 
     /// Called for the `k`-th agent before each of its ticks.
     fn before_tick(&mut self, k: usize, agent: &mut A);
 
-    /// Called for the `k`-th agent between its ticks: whether something has come for it, as over a MAVLink link,
-    /// for which it is to act at once.
+    /// Called for the `k`-th agent between its ticks: whether it has input, as over a MAVLink link,
+    /// that needs an immediate tick.
     fn has_news(&mut self, k: usize, agent: &mut A) -> bool;
 }
 
-/// Two closures, for agents that nothing reaches but the bus.
+/// Two closures, for agents without input apart from the bus.
 impl<A, E, B> Surroundings<A> for (E, B)
 where
     E: FnMut(SimTime, &mut [A]) -> bool,
@@ -138,11 +138,11 @@ where
     }
 }
 
-/// Time between two looks for news, ns: a tenth of what a radio's frames are apart at 20 a second, and four to a
-/// tick of 20 ms, so that a frame on its way to the bus waits for 2.5 ms and not for 10 in the mean.
+/// Polling interval, ns: a tenth of the interval of a radio's frames at 20 a second, and four per
+/// tick of 20 ms, so that a frame on its way to the bus waits 2.5 ms in the mean, not 10 ms.
 const LOOK_NS: i64 = 5_000_000;
 
-/// Least time after which what holds is said again for those who came meanwhile, s: a team starts one by one.
+/// Shortest interval at which lasting messages are repeated for processes that joined later, s: a team starts one by one.
 const SAY_AGAIN_S: f64 = 1.0;
 
 /// Runs the agents of this process by the wall clock, ticking every `tick_ns`, until `around` ends it.
@@ -205,7 +205,7 @@ pub async fn run<A: Agent>(
                 }
             }
         }
-        // A host that fell behind skips the ticks it missed instead of rushing through them.
+        // A host that fell behind skips the missed ticks.
         look = (look + 1).max(clock.now().ns() / look_ns);
     }
 }
@@ -236,16 +236,16 @@ async fn tick<A: Agent>(
     Ok(last)
 }
 
-/// How often an observer hands on what it heard.
+/// Interval at which an observer passes on received messages.
 const OBSERVED_EVERY: Duration = Duration::from_millis(100);
-/// How long after the end an observer still listens for last words.
+/// Time after the end for which an observer receives late messages.
 const LAST_WORDS: Duration = Duration::from_secs(1);
 
-/// Follows a real-time run until `until`: `take` is handed what came in, ordered by time, sender
+/// Observes a real-time run until `until`: `take` receives the messages, ordered by time, sender
 /// and sequence within a tenth of a second.
 ///
 /// # Errors
-/// [`NetError`], or what `take` refuses.
+/// [`NetError`], or an error of `take`.
 pub async fn observe<E: From<NetError>>(
     net: &mut Net,
     clock: MissionClock,
@@ -268,11 +268,11 @@ pub async fn observe<E: From<NetError>>(
     }
 }
 
-/// Age at which what an operator says is not obeyed any more, s: it may have been kept back, and whoever was started
-/// again since has not heard whether it was obeyed already.
+/// Age at which an operator's command expires, s: it may have been delayed, and a process that restarted since
+/// cannot know whether it was executed already.
 const OPERATOR_S: f64 = 10.0;
 
-/// What came in by `due`, in order; what is refused goes to `refusals`.
+/// Messages received by `due`, in order; rejected ones go to `refusals`.
 fn take_in(net: &mut Net, due: SimTime, refusals: &mut Refusals) -> Vec<(Topic, Envelope)> {
     let mut heard = Vec::new();
     while let Some(received) = net.try_receive() {

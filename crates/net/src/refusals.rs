@@ -1,12 +1,12 @@
-//! What was refused of what came in, told without letting whoever sends it flood the record as well.
+//! Reports of rejected messages at a limited rate, so that their sender cannot flood the recording.
 
 use protocol::message::Severity;
 use protocol::{AgentId, Outbox, ProtocolError, SimTime};
 
-/// Time between two events that tell of it, s: a person reads no more, and a stranger must not fill a disk.
+/// Interval of these reports, s: a person reads no faster, and a stranger must not fill a disk.
 const SAY_EVERY_S: f64 = 1.0;
 
-/// Counts what is refused and says it at most once a second.
+/// Counts rejected messages and reports them at most once a second.
 #[derive(Debug, Default)]
 pub(crate) struct Refusals {
     first: Option<ProtocolError>,
@@ -16,14 +16,14 @@ pub(crate) struct Refusals {
 }
 
 impl Refusals {
-    /// One more.
+    /// Counts one more.
     pub(crate) fn add(&mut self, error: ProtocolError) {
         self.untold += 1;
         self.all += 1;
         self.first.get_or_insert(error);
     }
 
-    /// Lets `own` say what there is to say at `now`.
+    /// Publishes the report that is due at `now` through `own`.
     pub(crate) fn say(&mut self, own: &AgentId, now: SimTime, outbox: &mut Outbox) {
         let too_soon = self
             .last_said

@@ -1,5 +1,5 @@
-//! What was last said of where a mission stands, kept by those who hear it for those who start again: whoever lost his
-//! memory with his process asks the others.
+//! The last state of a mission, kept by its receivers for processes that restart: a process that lost its memory
+//! queries the others.
 
 use crate::asking::Reply;
 use crate::locks::lock;
@@ -11,10 +11,10 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-/// How long others have to answer, all of them: who is stopped does not.
+/// Time limit for all answers: a stopped process gives none.
 const ANSWER_WITHIN: Duration = Duration::from_secs(1);
 
-/// The last message of each topic that says where a mission stands.
+/// The last message of each topic that describes the state of a mission.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Remembered(Arc<Mutex<BTreeMap<String, Envelope>>>);
 
@@ -22,7 +22,7 @@ impl Remembered {
     pub(crate) fn take(&self, said: &[(Topic, Envelope)]) {
         let mut last = lock(&self.0);
         for (topic, envelope) in said {
-            // What says by itself where the mission stands.
+            // Messages that describe the mission's state without others.
             if matches!(topic, Topic::State(_) | Topic::Mode(_) | Topic::Plan) {
                 last.insert(topic.path(), envelope.clone());
             }
@@ -36,7 +36,7 @@ impl Remembered {
 }
 
 impl Net {
-    /// Answers as `agent` those who start again in the middle of the mission.
+    /// Answers, as `agent`, the queries of processes that restart during the mission.
     ///
     /// # Errors
     /// [`NetError::Zenoh`].
@@ -56,8 +56,8 @@ impl Net {
         })
     }
 
-    /// The last word on `topic` by `now` that an agent of the team remembers: a state, a mode or the plan. What is said
-    /// to be later was said in another mission; who only looks on is not believed.
+    /// The last message on `topic` by `now` that an agent of the team remembers: a state, a mode or the plan. A later
+    /// time belongs to another mission, and answers of observers do not count.
     ///
     /// # Errors
     /// [`NetError::Zenoh`].

@@ -1,9 +1,9 @@
-//! A node of ROS 2 that publishes on Zenoh as rmw_zenoh has it, so that ROS 2 on that middleware hears a mission.
+//! A node of ROS 2 that publishes on Zenoh in the format of rmw_zenoh, so that ROS 2 on that middleware receives a mission.
 //!
 //! rmw_zenoh, *docs/design.md*, and its releases since 0.2.4 (2025): a topic has the key
-//! `<domain>/<topic>/<type>/<hash of the type>`; a node and each of its publishers show themselves by liveliness tokens under
-//! `@ros2_lv`; a message carries its number, its time and its publisher's id. The session is one of its own: nothing of
-//! the mission's bus is seen from there, and nothing said there reaches the bus.
+//! `<domain>/<topic>/<type>/<hash of the type>`; a node and each of its publishers declare liveliness tokens under
+//! `@ros2_lv`; a message carries its number, its time and its publisher's id. The session is separate: ROS 2 sees
+//! nothing of the mission's bus, and no message from there reaches the bus.
 
 use crate::options::set;
 use crate::{NetError, check_endpoints};
@@ -17,14 +17,14 @@ use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Publisher;
 use zenoh::qos::CongestionControl;
 
-/// Where rmw_zenoh's router listens.
+/// Endpoint of rmw_zenoh's router.
 pub const DEFAULT_ENDPOINT: &str = "tcp/127.0.0.1:7447";
-/// What begins the keys by which nodes and publishers show themselves.
+/// Prefix of the keys of liveliness tokens.
 const GRAPH: &str = "@ros2_lv";
 /// rclcpp's and rclpy's usual quality of service, reliable with the last ten kept, as far as it is not rmw_zenoh's own
 /// default (which keeps 42).
 const QUALITY: &str = "::,10:,:,:,,";
-/// Messages that may wait for the network: some seconds of a team. More are lost, and the mission goes on.
+/// Messages queued for the network: some seconds of a team. Further ones are lost, and the mission continues.
 const WAITING: usize = 4096;
 /// Number of the node in its session.
 const NODE: u64 = 0;
@@ -38,7 +38,7 @@ pub struct RosMessage {
     pub type_name: String,
     /// Hash of the type (REP 2016), `RIHS01_` and 64 digits.
     pub type_hash: String,
-    /// When what it says was so, ns since 1970.
+    /// Time of its content, ns since 1970.
     pub at_unix_ns: i64,
     /// Its bytes in CDR.
     pub cdr: Vec<u8>,
@@ -52,10 +52,10 @@ pub struct Node {
 }
 
 impl Node {
-    /// Shows the node `name` on `domain` to whoever is reached at `endpoint`, which may come later.
+    /// Declares the node `name` on `domain` to the peer at `endpoint`, which may start later.
     ///
     /// # Errors
-    /// An endpoint that Zenoh does not take.
+    /// An endpoint that Zenoh rejects.
     pub fn open<'a>(
         name: &'a str,
         domain: u32,
@@ -86,26 +86,26 @@ impl Node {
                         failed.fetch_add(1, Ordering::Relaxed);
                     }
                 }
-                // Whoever does not answer while connections close has lost nothing.
+                // A peer that does not answer while connections close has lost nothing.
                 let _ = speaker.session.close().await;
             });
             Ok(Self { sender, task, lost })
         })
     }
 
-    /// Publishes a message, without waiting for anybody.
+    /// Publishes a message without waiting for a peer.
     pub fn say(&self, message: RosMessage) {
         if self.sender.try_send(message).is_err() {
             self.lost.fetch_add(1, Ordering::Relaxed);
         }
     }
 
-    /// Messages that were not published, since others waited before them or Zenoh refused them.
+    /// Messages that were not published, because the queue was full or Zenoh rejected them.
     pub fn lost(&self) -> u64 {
         self.lost.load(Ordering::Relaxed)
     }
 
-    /// Leaves, when all is published.
+    /// Closes the session after the last message is published.
     pub fn close(self) -> BoxFuture<'static, ()> {
         Box::pin(async move {
             drop(self.sender);
@@ -114,7 +114,7 @@ impl Node {
     }
 }
 
-/// A session as ROS 2's own: a peer that is told of the others by whom it connects to.
+/// A session like those of ROS 2: a peer that learns of the others from its endpoint.
 fn configuration(endpoint: &str) -> Result<zenoh::Config, NetError> {
     check_endpoints([endpoint])?;
     let mut config = zenoh::Config::default();
@@ -132,7 +132,7 @@ fn configuration(endpoint: &str) -> Result<zenoh::Config, NetError> {
     Ok(config)
 }
 
-/// Where a node is: its keys.
+/// The keys of a node.
 struct Place {
     domain: u32,
     zid: String,
@@ -177,12 +177,12 @@ fn dds_name(type_name: &str) -> String {
     format!("{}::dds_::{kind}_", package.replace('/', "::"))
 }
 
-/// A publisher's id: the hash of its token, as the others work it out.
+/// A publisher's id: the hash of its token, as rmw_zenoh computes it.
 fn id(token: &str) -> [u8; 16] {
     twox_hash::XxHash3_128::oneshot(token.as_bytes()).to_le_bytes()
 }
 
-/// What goes with a message: its number, its time, and the number of bytes and the bytes of its publisher's id.
+/// Attachment of a message: its number, its time, and the length and the bytes of its publisher's id.
 fn attachment(number: i64, at_unix_ns: i64, id: &[u8; 16]) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(33);
     bytes.extend(number.to_le_bytes());

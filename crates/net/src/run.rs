@@ -1,4 +1,4 @@
-//! A run of a mission, and the one that a process is in.
+//! A run of a mission, and the run that a process has joined.
 
 use crate::locks::lock;
 use crate::{NetError, random};
@@ -9,13 +9,13 @@ use std::time::Instant;
 /// A run of a mission, by this process's clock.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Run {
-    /// Its number, with which all that is said in it is sealed.
+    /// Its number, which enters the seal of every message.
     pub(crate) number: u64,
     pub(crate) start: Instant,
 }
 
 impl Run {
-    /// A new one that begins now.
+    /// A new run that begins now.
     ///
     /// # Errors
     /// [`NetError::Random`].
@@ -31,7 +31,7 @@ impl Run {
     }
 }
 
-/// The run that a process has joined, with what it takes in.
+/// The run that a process has joined, with the seals that it accepts.
 #[derive(Debug, Clone)]
 pub(crate) struct RunJoined {
     run: Arc<Mutex<Option<Run>>>,
@@ -39,7 +39,7 @@ pub(crate) struct RunJoined {
 }
 
 impl RunJoined {
-    /// None yet, of a process that holds `key`.
+    /// No run yet, for a process that holds `key`.
     pub(crate) fn new(key: &MissionKey) -> Self {
         Self {
             run: Arc::default(),
@@ -51,14 +51,14 @@ impl RunJoined {
         *lock(&self.run)
     }
 
-    /// From now on the process speaks and hears in `run`.
+    /// Joins `run`: the process publishes and receives in it from now on.
     pub(crate) fn join(&self, run: Run) {
         *lock(&self.run) = Some(run);
         lock(&self.check).only_run(run.number);
     }
 }
 
-/// Whether an agent is of the team: it flies, or what it says moves what flies. The others only look on.
+/// Whether an agent belongs to the team: it flies, or its messages move vehicles. Others are observers.
 pub(crate) fn is_of_team(agent: &str) -> bool {
     ["sc/", "ws/", "va/"]
         .iter()

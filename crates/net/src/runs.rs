@@ -1,18 +1,18 @@
-//! One run per mission. A run is a number and a beginning, which the keeper of its time (`sc`, or the conductor in
-//! lockstep) gives it; a process that has joined one stays in it for life. Agents tell the run that they are in
-//! whenever the [roll](crate::presence) is called, and by that in real time:
+//! One run per mission. A run has a number and a start time, set by its timekeeper (`sc`, or the conductor in
+//! lockstep); a process stays in the run that it has joined. Agents state their run
+//! in each answer to the [roll call](crate::presence). In real time these rules hold:
 //!
-//! 1. A keeper that starts looks for 2 s. Where agents of the team fly in a run, it takes up the oldest of these: its
-//!    number, its time, its phase.
-//! 2. Where it has found nobody, it offers a new run and goes on looking. The run begins, and its time with it, when the
-//!    first agent of the team joins. Until then the keeper takes up whatever run it meets: that of a team that its
-//!    network or a pause had kept from it.
-//! 3. Nobody joins a run while he hears the team in another.
-//! 4. Where two runs have members nevertheless, as after hosts were apart, all processes of the younger one end with an
-//!    error that names the other, once real vehicles are down; started again they join the older. So does who only
-//!    looks on at a run that nobody is in any more.
-//! 5. Who ends in good order says so. The keeper ends when all others have, or have been silent for so long that nobody
-//!    dials them any more.
+//! 1. A timekeeper that starts searches for 2 s. If agents of the team fly in runs, it continues the oldest one: its
+//!    number, time and phase.
+//! 2. If it finds none, it offers a new run and continues to search. That run, and its time, begin when the
+//!    first agent of the team joins. Until then the timekeeper continues any run that it finds, such as that of a
+//!    team that was out of reach.
+//! 3. A process does not join a run while it receives the team in another.
+//! 4. If two runs have members nevertheless, as after a network was split, all processes of the younger one end with an
+//!    error that names the other, after real vehicles have landed; restarted, they join the older run. Observers of a
+//!    run without members end too.
+//! 5. A process announces its regular end. The timekeeper ends when all others have, or have been silent for so long
+//!    that they are no longer dialled.
 
 use crate::NetError;
 use crate::presence::Presence;
@@ -20,25 +20,25 @@ use crate::run::{Run, is_of_team};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-/// Of runs that began at the same time but for this, the one with the smaller number counts as older: each process measures
-/// the time between them over a network of its own.
+/// Difference of start times below which the run with the smaller number counts as older: each process measures
+/// this difference over its own network path.
 const ALIKE: Duration = Duration::from_secs(1);
-/// How long two runs have to be there at once before one ends: longer than a process takes to end.
+/// Time for which two runs coexist before one ends: longer than a process takes to end.
 const LASTS: Duration = Duration::from_secs(3);
-/// Time between two looks.
+/// Interval between two checks.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 
-/// A run that others are in.
+/// A run that other processes have joined.
 #[derive(Debug, Clone)]
 pub(crate) struct FoundRun {
     pub(crate) run: Run,
     /// Agents of the team in it.
     pub(crate) members: Vec<String>,
-    /// How often their processes have spoken, by their numbers.
+    /// Number of messages of each of their processes, by process number.
     pub(crate) said: Vec<(u64, u64)>,
 }
 
-/// Whether `run` is older than `other`, as both their processes will find.
+/// Whether `run` is older than `other`; processes of both runs agree on it.
 fn is_older(run: Run, other: Run) -> bool {
     let apart = run.start.max(other.start) - run.start.min(other.start);
     match apart < ALIKE {
@@ -48,7 +48,7 @@ fn is_older(run: Run, other: Run) -> bool {
 }
 
 impl Presence {
-    /// The runs that agents of the team are in now, the oldest first.
+    /// The current runs of agents of the team, the oldest first.
     pub(crate) fn runs(&self) -> Vec<FoundRun> {
         let seen = self.seen();
         let here = seen.iter().filter(|(id, a)| is_of_team(id) && a.is_here());
@@ -70,7 +70,7 @@ impl Presence {
         runs
     }
 
-    /// Agents of the team of other processes that are here and in no run.
+    /// Agents of the team in other processes that are present and in no run.
     pub(crate) fn without_run(&self) -> Vec<String> {
         let seen = self.seen();
         let here = seen.iter().filter(|(id, a)| is_of_team(id) && a.is_here());
@@ -81,7 +81,7 @@ impl Presence {
         others.map(|(id, _)| id.clone()).collect()
     }
 
-    /// The run that makes this process's end, by rule 4.
+    /// The run for which this process ends, by rule 4.
     fn rival(&self) -> Option<FoundRun> {
         let own = self.run()?;
         let (of_own, others): (Vec<_>, Vec<_>) = self
@@ -93,7 +93,7 @@ impl Presence {
     }
 }
 
-/// Watches in real time whether another run makes this process's end, or all others have ended.
+/// Checks in real time whether this process has to end for another run, or all others have ended.
 #[derive(Debug)]
 pub struct OneRun {
     presence: Presence,
@@ -103,7 +103,7 @@ pub struct OneRun {
 }
 
 impl OneRun {
-    /// For a process that knows of others by `presence`.
+    /// Checks by the `presence` of a process.
     pub fn new(presence: Presence) -> Self {
         Self {
             presence,
@@ -113,10 +113,10 @@ impl OneRun {
         }
     }
 
-    /// Looks, once a second however often it is called.
+    /// Checks, at most once a second.
     ///
     /// # Errors
-    /// [`NetError::OtherRun`] where this process has to end.
+    /// [`NetError::OtherRun`] if this process has to end.
     pub fn check(&mut self) -> Result<(), NetError> {
         let now = Instant::now();
         if now < self.next {
@@ -138,7 +138,7 @@ impl OneRun {
         })
     }
 
-    /// Whether all other agents of the team that were in this run had ended at the last look, by rule 5; not where there
+    /// Whether all other agents of the team in this run had ended at the last check, by rule 5; false if there
     /// were none.
     pub fn others_ended(&self) -> bool {
         self.others_ended

@@ -1,4 +1,4 @@
-//! ArduPlane: flight modes and the parameters this bridge asks for.
+//! ArduPlane: flight modes and the parameters that the bridge requests.
 
 use crate::dialect::{
     EKF_STATUS_REPORT_DATA, FENCE_STATUS_DATA, MavAutopilot, PlaneMode, WIND_DATA,
@@ -34,7 +34,7 @@ pub const INITIALISING: u32 = PlaneMode::PLANE_MODE_INITIALIZING as u32;
 
 /// Parameter: failsafe on loss of the ground station's heartbeat (0 off).
 pub const FS_GCS_ENABL: &str = "FS_GCS_ENABL";
-/// Parameter: what the long failsafe does (0 goes on, 1 RTL).
+/// Parameter: action of the long failsafe (0 continue, 1 RTL).
 pub const FS_LONG_ACTN: &str = "FS_LONG_ACTN";
 /// Parameter: altitude above home to which mode TAKEOFF climbs, m.
 pub const TKOFF_ALT: &str = "TKOFF_ALT";
@@ -46,7 +46,7 @@ pub const SYSID_MYGCS: &str = "SYSID_MYGCS";
 
 /// Parameter: whether the fence on board is kept (0 off).
 pub const FENCE_ENABLE: &str = "FENCE_ENABLE";
-/// Parameter: what the vehicle does outside it: 0 tells, 1 flies home.
+/// Parameter: action outside the fence: 0 report, 1 fly home.
 pub const FENCE_ACTION: &str = "FENCE_ACTION";
 /// Parameter: altitude above home at which RTL flies, m; below 0 the one where it is.
 pub const RTL_ALTITUDE: &str = "RTL_ALTITUDE";

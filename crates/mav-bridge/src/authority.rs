@@ -1,7 +1,7 @@
-//! Who flies the vehicle: what its heartbeats show becomes events of the one state machine
-//! [`protocol::control_level`], and what the bridge is about follows from its level.
+//! Control of the vehicle: heartbeats become events of the state machine
+//! [`protocol::control_level`], and its level determines the bridge's task.
 //!
-//! The bridge knows which mode it has asked for. A vehicle in any other mode has been taken
+//! The bridge knows which mode it has requested. A vehicle in any other mode has been taken
 //! over: by its own failsafe if it says so (or if its link has just come back and it is on its
 //! way home), else by a pilot. Either keeps it until an explicit hand-back.
 
@@ -10,15 +10,15 @@ use crate::profile::Modes;
 use protocol::control_level::{ControlEvent, ControlOutcome, ControlState, Danger};
 use protocol::message::{ControlLevel, EventMessage, Severity};
 
-/// In the place of a mode that was asked for where none was: nobody is in it.
+/// Stands for "no mode requested": no vehicle reports it.
 const NO_MODE: u32 = u32::MAX;
-/// Heartbeats after a takeover within which the vehicle may still tell that it was none.
+/// Heartbeats after a takeover within which the vehicle may still report its own failsafe as the cause.
 const CAUSE_WITHIN: u8 = 3;
 
-/// What the bridge is about while the level is automatic.
+/// Task of the bridge while the level is automatic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum BridgeTask {
-    /// On the ground, nobody flies.
+    /// On the ground.
     Ground,
     /// The bridge has commanded take-off.
     TakeOff,
@@ -26,15 +26,15 @@ enum BridgeTask {
     Guided,
     /// The bridge has commanded the landing sequence or the return home.
     Landing,
-    /// That mode has been asked for upon a hand-back and is not shown yet; the level is still that
+    /// That mode was requested after a hand-back and is not reported yet; the level is still that
     /// from which it is handed back.
     HandingBack,
 }
 
-/// Who flies and what the bridge is about.
+/// Control level and task.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum BridgePhase {
-    /// On the ground, nobody flies.
+    /// On the ground.
     Ground,
     /// The bridge has commanded take-off.
     TakeOff,
@@ -44,7 +44,7 @@ pub(crate) enum BridgePhase {
     Landing,
     /// A pilot flies.
     Pilot,
-    /// The mode for setpoints has been asked for upon a hand-back.
+    /// The mode for setpoints was requested after a hand-back.
     HandingBack,
     /// It is on its way home, by its own failsafe or by the bridge's command.
     Guardian,
@@ -52,16 +52,16 @@ pub(crate) enum BridgePhase {
     Watched,
 }
 
-/// What a heartbeat reports that bears on who flies.
+/// The part of a heartbeat that concerns control.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct HeartbeatState {
     pub custom_mode: u32,
     pub armed: bool,
     pub airborne: bool,
     pub failsafe: bool,
-    /// Why it goes home by itself, if it says so.
+    /// The cause of its own return home, if reported.
     pub cause: Option<Danger>,
-    /// It says that it is outside the fence on board.
+    /// It reports a breach of the fence on board.
     pub fence_broken: bool,
 }
 
@@ -75,17 +75,17 @@ pub(crate) struct Authority {
     task: BridgeTask,
     /// Why it is watched and never commanded, if so.
     watched: Option<&'static str>,
-    /// Whether it is another ground station that has taken it over.
+    /// Whether another ground station has taken it over.
     by_station: bool,
     /// Whether the fence danger that lasts is that of the fence on board.
     own_fence: bool,
     /// Heartbeats since the last takeover, as far as they are counted.
     since_takeover: u8,
-    /// The mode from which the last one was asked for.
+    /// The mode reported when the last one was requested.
     mode_before: u32,
-    /// The mode asked for last.
+    /// The mode requested last.
     mode_requested: u32,
-    /// The mode asked for before that, if it was not shown yet: it may still come.
+    /// The mode requested before that, if not reported yet: it may still arrive.
     earlier: Option<u32>,
     confirmed: bool,
     link_up: bool,
@@ -143,7 +143,7 @@ impl Authority {
         }
     }
 
-    /// What the last heartbeat said; none before the first.
+    /// The last heartbeat; none before the first.
     pub(crate) fn shown(&self) -> Option<HeartbeatState> {
         self.shown
     }
@@ -152,12 +152,12 @@ impl Authority {
         self.link_up
     }
 
-    /// The mode asked for last, if the vehicle has not shown it yet.
+    /// The mode requested last, if the vehicle has not reported it yet.
     pub(crate) fn unconfirmed(&self) -> Option<u32> {
         (!self.confirmed).then_some(self.mode_requested)
     }
 
-    /// What the vehicle does, as text for people.
+    /// The vehicle's activity as text.
     pub(crate) fn doing(&self) -> String {
         let mode = self
             .shown
@@ -195,7 +195,7 @@ impl Authority {
         outcome
     }
 
-    /// Whether it goes home for silences alone that are over, and is in the air still.
+    /// Whether it is in the air on its way home only for silences that have ended.
     pub(crate) fn resumes(&self) -> bool {
         let airborne = self.shown.is_some_and(|s| s.airborne);
         airborne && self.link_up && self.task != BridgeTask::HandingBack && self.control.resumes()
@@ -209,7 +209,7 @@ impl Authority {
         }
     }
 
-    /// The bridge asks for mode `to`.
+    /// Records the bridge's request for mode `to`.
     fn request_mode(&mut self, to: u32) {
         // A mode asked for twice in short order may show itself after the second request; it is
         // then not a pilot's.
@@ -235,9 +235,9 @@ impl Authority {
         self.request_mode(self.modes.home);
     }
 
-    /// A hand-back on the ground, which nobody has to confirm.
+    /// A hand-back on the ground, which needs no confirmation.
     pub(crate) fn hand_back_on_ground(&mut self) -> ControlOutcome {
-        // Whoever flies it off the ground in the mode it stands in has taken it over.
+        // A take-off in its present mode is a takeover.
         (self.mode_requested, self.confirmed) = (NO_MODE, true);
         self.task = BridgeTask::Ground;
         self.control.handle(ControlEvent::HandBack)
@@ -247,7 +247,7 @@ impl Authority {
     /// done when the mode for setpoints is shown.
     pub(crate) fn hand_back(&mut self) -> ControlOutcome {
         if self.control.dangers().next().is_some() {
-            // Until the Guardian has asked for its own, it may stay in the mode in which it was given.
+            // Until the Guardian requests its own mode, the vehicle may keep the present one.
             if self.control.level() == ControlLevel::Pilot {
                 let mode = self.shown.map_or(NO_MODE, |s| s.custom_mode);
                 (self.mode_requested, self.confirmed) = (mode, true);
@@ -269,7 +269,7 @@ impl Authority {
         }
     }
 
-    /// The mode asked for was refused; what was before remains.
+    /// The requested mode was rejected; the former one remains.
     pub(crate) fn refused(&mut self) {
         if self.confirmed {
             return; // what was asked for is past
@@ -301,7 +301,7 @@ impl Authority {
     /// The link has timed out.
     pub(crate) fn link_lost(&mut self) {
         self.link_up = false;
-        // On the ground there is nobody to bring home.
+        // On the ground there is no way home.
         if self.shown.is_some_and(|s| s.airborne) {
             self.handle(ControlEvent::Begins(Danger::Link));
         } else if self.task == BridgeTask::HandingBack {
@@ -309,7 +309,7 @@ impl Authority {
         }
     }
 
-    /// Takes in a heartbeat; the event of what changed, if anything.
+    /// Processes a heartbeat; returns the event of a change.
     pub(crate) fn observe(&mut self, shown: HeartbeatState) -> Option<EventMessage> {
         let before = self.phase();
         self.link_returned = !self.link_up && self.shown.is_some();
@@ -375,7 +375,7 @@ impl Authority {
         Some(event(severity, code, text))
     }
 
-    /// The mode shown is the one asked for, or still the one from which it was asked.
+    /// Whether the reported mode is the requested one, or still the one before the request.
     fn is_as_requested(&self, mode: u32) -> bool {
         mode == self.mode_requested
             || (!self.confirmed && (mode == self.mode_before || Some(mode) == self.earlier))
@@ -411,7 +411,7 @@ impl Authority {
                 self.taken_over(shown);
             }
             (_, BridgeTask::HandingBack) => {}
-            // Whatever comes after him, a mode that he has left is nobody's.
+            // After a pilot has left a mode, it no longer counts as the pilot's.
             (ControlLevel::Pilot, _) => (self.mode_requested, self.confirmed) = (NO_MODE, true),
             (ControlLevel::Guardian, _)
                 if self.is_as_requested(mode) || self.modes.is_homeward(mode) => {}
@@ -439,7 +439,7 @@ impl Authority {
         }
     }
 
-    /// Whether the vehicle has gone on by itself to `mode` after the climb of its take-off.
+    /// Whether the vehicle has changed to `mode` by itself after the climb of its take-off.
     fn ends_take_off(&self, mode: u32) -> bool {
         let climbed = self.confirmed || self.mode_requested == self.guided;
         climbed && self.modes.after_take_off == Some(mode)
@@ -461,7 +461,7 @@ impl Authority {
         }
     }
 
-    /// Why the vehicle goes home by itself: what it says, or what is likely.
+    /// The cause of the vehicle's own return home: reported, or else likely.
     fn cause(&self, shown: HeartbeatState) -> Danger {
         let silent = if self.link_returned {
             Danger::Bridge

@@ -1,4 +1,4 @@
-//! The bridge itself: what comes in, what goes out, when.
+//! The bridge: its inputs, its outputs and their timing.
 
 pub(crate) mod attitude;
 mod batteries;
@@ -43,7 +43,7 @@ use protocol::message::{ControlLevel, EventMessage, PathKind, Reading, Setpoint,
 use protocol::{Pauses, SimTime};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Period of the ground station's heartbeat, ns: what a vehicle's failsafe listens for.
+/// Period of the ground station's heartbeat, ns, which a vehicle's failsafe monitors.
 const HEARTBEAT_NS: i64 = 1_000_000_000;
 
 /// How a bridge behaves. [`BridgeConfig::default`] suits a real ArduPlane.
@@ -55,32 +55,32 @@ pub struct BridgeConfig {
     pub system_id: u8,
     /// Own component id.
     pub component_id: u8,
-    /// System id of the vehicle; none takes the one that is heard, and commands none where two are.
+    /// System id of the vehicle; none accepts the only one received, and commands none of two.
     pub vehicle_system_id: Option<u8>,
     /// Component id of its autopilot.
     pub vehicle_component_id: u8,
     /// The site's atmosphere, for true airspeed.
     pub atmosphere: Atmosphere,
-    /// The gas whose readings count.
+    /// The gas of the readings.
     pub gas: Gas,
-    /// What its readings are called; where empty as its formula in ppm ("CH4"), or with "_PPB" after it in ppb.
+    /// Name of its readings; if empty its formula, in ppm ("CH4"), or with the suffix "_PPB" in ppb.
     pub gas_inputs: Vec<GasInput>,
-    /// What the mission expects of the vehicle, for the checklist before anything is commanded; none: no list.
+    /// The mission's expectations, for the checklist before the first command; none: no checklist.
     pub expectation: Option<Expectation>,
     /// Whether the team's outer loop flies it by attitude and thrust ([`Bridge::attitude`]); else it flies to places by
     /// its own.
     pub attitude_targets: bool,
-    /// Nothing at all is sent: no heartbeat, no request, no command.
+    /// Send nothing: no heartbeat, no request, no command.
     pub listen_only: bool,
-    /// Nothing but questions for parameters and the fence is sent; what else would be is told.
+    /// Send only requests for parameters and the fence; log every other frame.
     pub dry_run: bool,
     /// Whether parameters that the checklist finds wrong are set on board.
     pub set_parameters: bool,
-    /// Whether the mission's fence is put on board where another one or none is there, on the ground.
+    /// Whether to upload the mission's fence on the ground if the fence on board differs or is missing.
     pub set_fence: bool,
     /// Whether the bridge may arm the motor at take-off. Off by default: a person does that.
     pub may_arm: bool,
-    /// Rate of position, attitude and airspeed asked for, 1/s (1 to 50).
+    /// Requested rate of position, attitude and airspeed, 1/s (1 to 50).
     pub telemetry_hz: f64,
     /// Silence after which the link counts as lost, s.
     pub link_timeout_s: f64,
@@ -167,7 +167,7 @@ impl BridgeConfig {
     }
 }
 
-/// What came of a call; empty it, or make a new one, for each call.
+/// Output of a call; clear it, or create a new one, for each call.
 #[derive(Debug, Clone, Default)]
 pub struct BridgeOutput {
     /// Frames to send to the vehicle, in order.
@@ -176,14 +176,14 @@ pub struct BridgeOutput {
     pub frames_from_vehicle: Vec<Vec<u8>>,
     /// The vehicle's state, if a new position came; the last of several.
     pub state: Option<State>,
-    /// What its sensor reads, as far as new readings came, in order.
+    /// New readings of its sensor, in order.
     pub readings: Vec<Reading>,
-    /// What happened.
+    /// Events.
     pub events: Vec<EventMessage>,
 }
 
 impl BridgeOutput {
-    /// Takes everything out, so that it can be used again.
+    /// Clears it for the next call.
     pub fn clear(&mut self) {
         self.frames_to_vehicle.clear();
         self.frames_from_vehicle.clear();
@@ -193,7 +193,7 @@ impl BridgeOutput {
     }
 }
 
-/// What the team has been warned of; each warning is given once.
+/// Warnings that the team has received; each is given once.
 #[derive(Debug, Clone, Default)]
 struct Warned {
     no_frames: bool,
@@ -230,15 +230,15 @@ pub struct Bridge {
     mode_waits: bool,
     /// Frames that could not be read or were refused.
     lost: LinkStatistics,
-    /// What was told of the link last, and when.
+    /// The last report on the link, and its time.
     told: (SimTime, LinkStatistics),
     next_heartbeat: SimTime,
     heartbeat_at: Option<SimTime>,
-    /// Since when there is no heartbeat, the pauses of this host left out.
+    /// Start of the silence without heartbeats, without the pauses of this host.
     silent_since: SimTime,
     /// The mode that the vehicle has left last, and when.
     mode_left: Option<(u32, SimTime)>,
-    /// The vehicle's own time when it was last told, ms.
+    /// The vehicle's own time as last received, ms.
     boot_ms: u32,
     /// A hand-back on the ground: the next setpoint may begin with a take-off.
     rejoins: bool,
@@ -248,14 +248,14 @@ pub struct Bridge {
     target: Option<Setpoint>,
     ignored: Option<Setpoint>,
     speed_sent: Option<f32>,
-    /// When something refused or unanswered may be asked for again.
+    /// Time of the next request after a rejected or unanswered one.
     retry_at: Option<SimTime>,
     takeoff_altitude_m: Option<f64>,
-    /// Parameters as the vehicle has told them.
+    /// Parameters received from the vehicle.
     parameters: BTreeMap<String, f64>,
     last_text: Option<(String, SimTime)>,
     texts: Texts,
-    /// Frames that a dry run has told of.
+    /// Frames that a dry run has logged.
     shown: BTreeSet<Vec<u8>>,
     warned: Warned,
 }
@@ -322,12 +322,12 @@ impl Bridge {
         self.signing = Some(Signing::new(config));
     }
 
-    /// The vehicle's system that was asked for.
+    /// The configured system id of the vehicle.
     pub fn system_id(&self) -> Option<u8> {
         self.config.vehicle_system_id
     }
 
-    /// Whether the vehicle was ever heard.
+    /// Whether the vehicle has been received.
     pub fn is_heard(&self) -> bool {
         self.heartbeat_at.is_some()
     }
@@ -338,7 +338,7 @@ impl Bridge {
         self.paths.no_frames(so_far);
     }
 
-    /// What has gone over the link so far.
+    /// Counters of the link.
     pub fn statistics(&self) -> LinkStatistics {
         LinkStatistics {
             unreadable_frames: self.lost.unreadable_frames,
@@ -353,12 +353,12 @@ impl Bridge {
         self.authority.control()
     }
 
-    /// Who flies.
+    /// The control level.
     pub fn level(&self) -> ControlLevel {
         self.control().level()
     }
 
-    /// What the vehicle does, as text for people.
+    /// The vehicle's activity as text.
     pub fn doing(&self) -> String {
         self.authority.doing()
     }
@@ -377,7 +377,7 @@ impl Bridge {
         self.authority.phase() == BridgePhase::HandingBack
     }
 
-    /// Takes in `bytes` from the link: a datagram, or a piece of a stream cut anywhere.
+    /// Receives `bytes` from the link: a datagram, or any part of a stream.
     pub fn receive(&mut self, bytes: &[u8], now: SimTime, out: &mut BridgeOutput) {
         self.receive_over(0, bytes, now, out);
     }
@@ -401,7 +401,7 @@ impl Bridge {
         self.paths.best(now)
     }
 
-    /// Lets time pass: heartbeat, commands to repeat, silence. To be called every tick.
+    /// Advances time: heartbeat, repeated commands, silence. Call it every tick.
     pub fn tick(&mut self, now: SimTime, out: &mut BridgeOutput) {
         self.process_frames(now, out);
         self.identity.tick(now);
@@ -441,8 +441,8 @@ impl Bridge {
         self.send_heartbeat(now, out);
     }
 
-    /// Another ground station whose heartbeat the vehicle's failsafe listens for, if one was heard in the last
-    /// seconds: without this bridge the vehicle misses nobody.
+    /// Another ground station whose heartbeat the vehicle's failsafe monitors, if received in the last
+    /// seconds: the vehicle then does not need this bridge's heartbeat.
     pub fn other_station(&self, now: SimTime) -> Option<u8> {
         let names = self.config.profile.parameters.station;
         let told = names.iter().find_map(|name| self.parameters.get(*name));
@@ -593,15 +593,15 @@ impl Bridge {
         }
     }
 
-    /// Whether the vehicle is in the air or its motor may run, as far as it was heard.
+    /// Whether the vehicle is in the air or its motor may run, by its last telemetry.
     pub fn is_up(&self) -> bool {
         self.authority
             .shown()
             .is_some_and(|s| s.airborne || s.armed)
     }
 
-    /// The mission is over. A vehicle that the bridge flies comes home to land; one that somebody else flies is
-    /// left to him. Whoever owns the bridge keeps it until the vehicle is down ([`Bridge::is_up`]).
+    /// Ends the mission. A vehicle under the bridge's control comes home to land; others stay with their pilot.
+    /// Keep the bridge until the vehicle is down ([`Bridge::is_up`]).
     pub fn mission_over(&mut self, out: &mut BridgeOutput) {
         if !self.is_up() || std::mem::replace(&mut self.warned.mission_over, true) {
             return;
@@ -654,7 +654,7 @@ impl Bridge {
         self.retry_at = None;
     }
 
-    /// Tells of a frame that is not sent, once of each.
+    /// Logs a frame that is not sent, once for each kind.
     fn show<D: MessageData>(
         &mut self,
         name: &str,

@@ -191,7 +191,7 @@ struct Pending {
     sent: u32,
 }
 
-/// What became of a command.
+/// Outcome of a command.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum CommandOutcome {
     Accepted(VehicleCommand),
@@ -213,7 +213,7 @@ impl CommandQueue {
         self.waiting.push_back(command);
     }
 
-    /// Drops all that steers: somebody else flies now.
+    /// Drops all steering commands, because control has changed.
     pub(crate) fn drop_steering(&mut self) {
         self.waiting.retain(|c| !c.steers());
         self.pending.retain(|p| !p.command.steers());
@@ -288,7 +288,7 @@ impl CommandQueue {
         (send, lost)
     }
 
-    /// Takes in an acknowledgement.
+    /// Receives an acknowledgement.
     pub(crate) fn acknowledge(
         &mut self,
         kind: MavCmd,
@@ -328,7 +328,7 @@ impl CommandQueue {
             .retain(|p| !matches!(p.command, VehicleCommand::Mode { mode, .. } if mode == shown));
     }
 
-    /// A parameter has come with its value.
+    /// Receives the value of a parameter.
     pub(crate) fn parameter_seen(&mut self, seen: &str, is: f64) {
         self.pending.retain(|p| match p.command {
             VehicleCommand::Parameter(name) => name != seen,

@@ -1,9 +1,9 @@
-//! What this crate refuses.
+//! Errors of this crate.
 
-/// What this crate refuses.
+/// Error of this crate.
 #[derive(Debug, thiserror::Error)]
 pub enum BridgeError {
-    /// A link as nobody writes it.
+    /// Invalid address of a link.
     #[error(
         "link '{0}': expected udpin:HOST:PORT (listen), udpout:HOST:PORT or tcp:HOST:PORT (connect), tcpin:HOST:PORT (wait for a client), serial:PATH:BAUD"
     )]
@@ -15,15 +15,15 @@ pub enum BridgeError {
         what: &'static str,
         /// The value that came in.
         value: f64,
-        /// What would be right.
+        /// The expected form.
         expected: &'static str,
     },
     /// A socket refused.
     #[error("link {link}: {source}")]
     Socket {
-        /// The link as asked for.
+        /// The requested link.
         link: String,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
 }

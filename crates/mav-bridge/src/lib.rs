@@ -1,5 +1,5 @@
-//! MAVLink 2 frames of an autopilot to and from what Plumage's agents say: state, reading,
-//! who flies, events; setpoints as commands.
+//! Conversion between MAVLink 2 frames of an autopilot and Plumage's messages: state, reading,
+//! control level and events; setpoints as commands.
 //!
 //! [`Bridge`] is pure: bytes and the time come in as arguments, frames and messages go out in a
 //! [`BridgeOutput`]. It knows no socket, clock, file, environment or global random number. Behind

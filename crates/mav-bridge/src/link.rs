@@ -27,7 +27,7 @@ const PEER_TIMEOUT: Duration = Duration::from_secs(5);
 /// Largest piece read at once; a UDP datagram is at most this long.
 const READ_BYTES: usize = 65_536;
 
-/// Where a link goes.
+/// Address of a link.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum LinkAddress {
     /// `udpin:HOST:PORT`: listens, and sends to every address from which it receives. A MAVLink system belongs
@@ -152,7 +152,7 @@ impl Link {
         self.incoming.try_recv().ok()
     }
 
-    /// What a person should know of the link, such as a sender that is ignored, once.
+    /// The next notice about the link, such as an ignored sender; each once.
     pub fn try_notice(&mut self) -> Option<String> {
         self.notices.try_recv().ok()
     }
@@ -203,20 +203,20 @@ fn system_of(datagram: &[u8]) -> Option<u8> {
     }
 }
 
-/// Who sends to a UDP port. Each MAVLink system belongs to one address, so that nobody speaks in the name of a
-/// vehicle that is heard; bytes that are no frames count as a system of their own.
+/// Senders to a UDP port. Each MAVLink system belongs to one address, so that no other sender can speak in the name
+/// of a received vehicle; bytes that are no frames count as one more system.
 #[derive(Debug, Default)]
 struct Peers {
     by_system: BTreeMap<Option<u8>, (SocketAddr, Instant)>,
-    /// Senders that are ignored and were told of.
+    /// Ignored senders that were reported.
     ignored: BTreeSet<(Option<u8>, SocketAddr)>,
 }
 
-/// Senders ignored that are told of at most: addresses can be forged at will.
+/// Most ignored senders that are reported: addresses can be forged.
 const MOST_IGNORED: usize = 16;
 
 impl Peers {
-    /// Whether a datagram from an address is heard; what a person should know of it otherwise, once for each sender.
+    /// Whether a datagram from an address is accepted; else a notice, once for each sender.
     fn hears(
         &mut self,
         datagram: &[u8],
@@ -246,7 +246,7 @@ impl Peers {
         Ok(())
     }
 
-    /// Every address that was heard.
+    /// Every address from which datagrams were accepted.
     fn addresses(&self) -> BTreeSet<SocketAddr> {
         self.by_system
             .values()
@@ -264,7 +264,7 @@ async fn send_to(socket: &UdpSocket, frame: &[u8], to: SocketAddr) {
     }
 }
 
-/// Serves a UDP socket: to and from all who send to it.
+/// Serves a UDP socket: receives from all senders and sends to them.
 async fn udp_server(socket: UdpSocket, mut ends: Ends) {
     let mut peers = Peers::default();
     let mut buffer = vec![0; READ_BYTES];
@@ -390,7 +390,7 @@ async fn tcp_server(listener: TcpListener, mut ends: Ends) {
     }
 }
 
-/// Drops what waited while there was nobody to send it to.
+/// Drops frames queued while no peer was known.
 fn drop_stale(ends: &mut Ends) {
     while ends.outgoing.try_recv().is_ok() {}
 }

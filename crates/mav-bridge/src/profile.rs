@@ -7,13 +7,13 @@ use protocol::control_level::Danger;
 /// An autopilot that can be commanded.
 #[derive(Debug, PartialEq)]
 pub struct Profile {
-    /// What people call it.
+    /// Its usual name.
     pub name: &'static str,
-    /// What its heartbeat says that it is.
+    /// Its type in the heartbeat.
     pub heartbeat: MavAutopilot,
     /// Its modes.
     pub modes: Modes,
-    /// What its commands mean.
+    /// Meaning of its commands.
     pub commands: Commands,
     /// The parameters that are looked at.
     pub parameters: Parameters,
@@ -21,7 +21,7 @@ pub struct Profile {
     pub causes: &'static [Saying],
     /// Messages that it alone has, with the rate at which they are asked for, 1/s.
     pub messages: &'static [(u32, f64)],
-    /// What its pilot must know of it; empty: nothing.
+    /// Notice for its pilot; empty: none.
     pub caution: &'static str,
 }
 
@@ -54,7 +54,7 @@ pub struct Modes {
     pub in_parts: bool,
 }
 
-/// What its commands mean.
+/// Meaning of its commands.
 #[derive(Debug, PartialEq)]
 pub struct Commands {
     /// Airspeed comes with each place, in DO_REPOSITION, where DO_CHANGE_SPEED does not reach.
@@ -86,34 +86,34 @@ pub struct Parameters {
     pub rules: &'static [Rule],
 }
 
-/// What one parameter should be.
+/// Expected value of a parameter.
 #[derive(Debug, PartialEq)]
 pub struct Rule {
-    /// What it is about.
+    /// Its subject.
     pub about: &'static str,
     /// Its name.
     pub name: &'static str,
-    /// What its values mean.
+    /// Meaning of its values.
     pub meanings: &'static [(i32, Meaning)],
-    /// What any other value means.
+    /// Meaning of any other value.
     pub otherwise: Meaning,
-    /// What it is set to with `--set-parameters`; none: never.
+    /// Value written by `--set-parameters`; none: never written.
     pub set_to: Option<f64>,
     /// Whether it says what becomes of it without this bridge.
     pub link_failsafe: bool,
 }
 
-/// What a value means.
+/// Meaning of a value.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Meaning {
     /// As it should be.
     Right(&'static str),
-    /// A person should look; with what would be right.
+    /// Needs a person's attention; with the expected value.
     Doubtful(&'static str),
 }
 
 impl Rule {
-    /// What `value` means.
+    /// Meaning of `value`.
     pub fn meaning(&self, value: f64) -> Meaning {
         let known = self.meanings.iter().find(|(v, _)| f64::from(*v) == value);
         known.map_or(self.otherwise, |(_, meaning)| *meaning)
@@ -127,7 +127,7 @@ pub struct Saying {
     pub all: &'static [&'static str],
     /// In small letters.
     pub any: &'static [&'static str],
-    /// What it tells of.
+    /// The cause.
     pub danger: Danger,
 }
 

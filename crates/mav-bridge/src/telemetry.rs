@@ -1,4 +1,4 @@
-//! What the vehicle last said of itself, and state and reading made of it.
+//! The vehicle's last telemetry, and the state and readings made from it.
 
 use crate::dialect::{
     AIRSPEED_DATA, ATTITUDE_DATA, EXTENDED_SYS_STATE_DATA, GLOBAL_POSITION_INT_DATA,
@@ -98,7 +98,7 @@ impl Telemetry {
         (200.0..1100.0).contains(&hpa).then_some(hpa)
     }
 
-    /// Takes in a position; false if it is not newer, by the vehicle's own time, than the last one.
+    /// Receives a position; false if it is not newer, by the vehicle's own time, than the last one.
     pub(crate) fn take_position(&mut self, m: GLOBAL_POSITION_INT_DATA, now: SimTime) -> bool {
         let behind = |(_, last): &(SimTime, GLOBAL_POSITION_INT_DATA)| {
             m.time_boot_ms < last.time_boot_ms
@@ -118,7 +118,7 @@ impl Telemetry {
         newer
     }
 
-    /// Takes in a wind by its velocity.
+    /// Receives a wind velocity.
     pub(crate) fn take_wind(&mut self, m: &WIND_COV_DATA, now: SimTime) {
         self.wind = Some((
             now,

@@ -17,7 +17,7 @@ const PAUSE_S: f64 = 0.5;
 /// the second that PX4 asks for.
 const BEFORE_S: f64 = 1.5;
 
-/// What the outer loop asks of the vehicle.
+/// Command of the outer loop.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AttitudeTarget {
     /// Roll angle, rad.
@@ -30,7 +30,7 @@ pub struct AttitudeTarget {
     pub throttle: f64,
 }
 
-/// What was sent of it.
+/// State of the attitude stream.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Stream {
     /// Since when it has not paused.
@@ -116,7 +116,7 @@ impl Bridge {
             || (self.stream.last.is_some_and(lasts) && self.stream.since.is_some_and(there))
     }
 
-    /// Tells when the outer loop has nothing to go by.
+    /// Reports when the outer loop has no telemetry.
     pub(super) fn check_attitudes(&mut self, now: SimTime, out: &mut BridgeOutput) {
         if self.steers_to().is_none() {
             self.stream.told = false;

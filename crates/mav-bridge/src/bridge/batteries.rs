@@ -1,4 +1,4 @@
-//! What is left in the vehicle's batteries. Those that keep it in the air bring it home when they are low; a
+//! Charge of the vehicle's batteries. Those that keep it in the air bring it home when they are low; a
 //! payload's is only reported.
 
 use crate::dialect::{BATTERY_STATUS_DATA, MavBatteryFunction};
@@ -51,7 +51,7 @@ impl fmt::Display for Battery {
     }
 }
 
-/// The charge of one battery; none where the vehicle does not know it, which it reports as −1.
+/// The charge of one battery; none if unknown, which the vehicle reports as −1.
 fn charge_pct(remaining: i8) -> Option<u8> {
     u8::try_from(remaining).ok()
 }
@@ -66,12 +66,12 @@ pub(super) struct Batteries {
 }
 
 impl Batteries {
-    /// Takes in the charge of SYS_STATUS.
+    /// Receives the charge of SYS_STATUS.
     pub(super) fn take_unnamed(&mut self, remaining: i8) {
         self.unnamed_pct = charge_pct(remaining);
     }
 
-    /// Takes in BATTERY_STATUS; the battery that it is about, where its charge is known.
+    /// Receives BATTERY_STATUS; returns its battery if the charge is known.
     pub(super) fn take(&mut self, status: &BATTERY_STATUS_DATA) -> Option<Battery> {
         let Some(left_pct) = charge_pct(status.battery_remaining) else {
             self.by_id.remove(&status.id);
@@ -85,7 +85,7 @@ impl Batteries {
         Some(battery)
     }
 
-    /// The lowest of the batteries that the vehicle flies by; none where it knows no charge.
+    /// The lowest charge of the flight batteries; none if unknown.
     pub(super) fn lowest_for_flight(&self) -> Option<Battery> {
         let flight = self.by_id.values().filter(|b| b.is_for_flight());
         let named = flight.min_by_key(|b| b.left_pct).copied();

@@ -1,5 +1,5 @@
-//! Why the vehicle goes home by itself. Its heartbeat says at most that some failsafe is on, and of its
-//! fence not even that; its texts, SYS_STATUS and FENCE_STATUS tell which one it is.
+//! Cause of the vehicle's own return home. Its heartbeat reports at most an active failsafe, and not a breach of its
+//! fence; its texts, SYS_STATUS and FENCE_STATUS name the cause.
 
 use crate::dialect::{MavSysStatusSensor, SYS_STATUS_DATA};
 use crate::profile::Saying;
@@ -10,7 +10,7 @@ use protocol::control_level::Danger;
 /// or two may be lost.
 const LASTS_S: f64 = 4.0;
 
-/// What SYS_STATUS tells of each cause.
+/// The bit of SYS_STATUS for each cause.
 const BITS: [(MavSysStatusSensor, Danger); 3] = [
     (MavSysStatusSensor::MAV_SYS_STATUS_GEOFENCE, Danger::Fence),
     (
@@ -23,7 +23,7 @@ const BITS: [(MavSysStatusSensor, Danger); 3] = [
     ),
 ];
 
-/// What the vehicle has told of its failsafes.
+/// Reports of the vehicle on its failsafes.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Causes {
     latest: Option<(SimTime, Danger)>,
@@ -35,7 +35,7 @@ pub(super) struct Causes {
 }
 
 impl Causes {
-    /// Takes in a text of the vehicle, whose words for causes are `sayings`.
+    /// Receives a text of the vehicle; `sayings` are the autopilot's words for causes.
     pub(super) fn text(&mut self, text: &str, sayings: &[Saying], now: SimTime) {
         let text = text.to_lowercase();
         let over = ["clear", "failsafe off"].iter().any(|w| text.contains(w));
@@ -50,7 +50,7 @@ impl Causes {
         }
     }
 
-    /// Takes in the health of its parts.
+    /// Receives the health of its parts.
     pub(super) fn status(&mut self, status: &SYS_STATUS_DATA, now: SimTime) {
         let bad = BITS.map(|(bit, _)| {
             status.onboard_control_sensors_enabled.contains(bit)
@@ -58,7 +58,7 @@ impl Causes {
         });
         let before = self.unhealthy.replace(bad);
         for (k, (_, danger)) in BITS.into_iter().enumerate() {
-            // What was unhealthy all along, as a receiver that nobody has, explains nothing.
+            // A part that was unhealthy from the start, such as a missing receiver, explains nothing.
             if bad[k] && before.is_some_and(|before| !before[k]) {
                 self.latest = Some((now, danger));
             }
@@ -75,7 +75,7 @@ impl Causes {
         }
     }
 
-    /// Takes in FENCE_STATUS.
+    /// Receives FENCE_STATUS.
     pub(super) fn fence(&mut self, broken: bool, now: SimTime) {
         let broken = broken && self.fence_is_on != Some(false);
         if broken && !self.fence_broken {
@@ -84,12 +84,12 @@ impl Causes {
         self.fence_broken = broken;
     }
 
-    /// Whether it says that it is outside the fence on board.
+    /// Whether it reports a breach of the fence on board.
     pub(super) fn fence_broken(&self) -> bool {
         self.fence_broken
     }
 
-    /// What explains that it goes home at `now`, where its heartbeat shows a `failsafe` or not.
+    /// The cause of a return home at `now`; `failsafe`: its heartbeat reports one.
     pub(super) fn at(&self, now: SimTime, failsafe: bool) -> Option<Danger> {
         let recent = self.latest.filter(|(at, _)| now.since_s(*at) <= LASTS_S);
         let unhealthy = || {

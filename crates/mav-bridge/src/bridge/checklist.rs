@@ -1,4 +1,4 @@
-//! What is looked at before anything is commanded, with what was found and what would be right.
+//! Checklist before the first command: each point with the value found and the value expected.
 
 use super::BridgeConfig;
 use super::batteries::Batteries;
@@ -15,7 +15,7 @@ use protocol::SimTime;
 use protocol::message::{EventMessage, Severity};
 use std::collections::BTreeMap;
 
-/// How long is waited for what the vehicle tells before the list is made without it, s: a choice, for a
+/// Time to wait for the vehicle's answers before the list is made without them, s: a choice, because a
 /// list that is late is worth more than one that asks in vain.
 const WAIT_S: f64 = 4.0;
 /// Fewest satellites that a fix should have.
@@ -30,7 +30,7 @@ const GROUND_M: f64 = 16.0;
 /// ground.
 const OVER_STACK_M: f64 = 30.0;
 
-/// What the mission expects of a vehicle.
+/// Expectations of the mission.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Expectation {
     /// Its take-off and landing point.
@@ -49,13 +49,13 @@ pub struct Expectation {
     pub fence: Vec<Geodetic>,
 }
 
-/// What came of one point.
+/// Result of one point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Verdict {
     Right,
-    /// A person should look.
+    /// Needs a person's attention.
     Doubtful,
-    /// No take-off while it is so.
+    /// Prevents take-off.
     Refused,
 }
 
@@ -67,7 +67,7 @@ pub(super) struct Point {
     pub words: String,
 }
 
-/// What the vehicle has told that the list looks at.
+/// Telemetry for the checklist.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Told {
     pub gps: Option<GPS_RAW_INT_DATA>,
@@ -142,7 +142,7 @@ impl Checklist {
         names
     }
 
-    /// Whether the list was gone through, or there is none.
+    /// Whether the checklist is complete, or there is none.
     pub(super) fn is_done(&self) -> bool {
         self.done
     }
@@ -163,7 +163,7 @@ impl Checklist {
         Some(self.points(parameters))
     }
 
-    /// What speaks against a take-off now, in words; nothing where nothing is refused.
+    /// Reasons against a take-off now, as text; none if it is allowed.
     pub(super) fn refusals(&self, parameters: &BTreeMap<String, f64>) -> Option<String> {
         let points = self.points(parameters);
         let refused = points.iter().filter(|p| p.verdict == Verdict::Refused);
@@ -173,7 +173,7 @@ impl Checklist {
         (!words.is_empty()).then(|| words.join("; "))
     }
 
-    /// Parameters that are not as they should be, with what would be right.
+    /// Wrong parameters, with their expected values.
     pub(super) fn wrong_parameters(
         &self,
         parameters: &BTreeMap<String, f64>,
@@ -188,7 +188,7 @@ impl Checklist {
             .collect()
     }
 
-    /// Every point as it is now; none where no list is kept.
+    /// The current state of every point; empty without a checklist.
     pub(super) fn points(&self, parameters: &BTreeMap<String, f64>) -> Vec<Point> {
         let Some(expected) = &self.expected else {
             return Vec::new();
@@ -493,7 +493,7 @@ fn corners(wanted: usize, found: Option<&FenceOnBoard>) -> Point {
     }
 }
 
-/// What a parameter means.
+/// Meaning of a parameter.
 fn ruled(rule: &Rule, parameters: &BTreeMap<String, f64>) -> Point {
     let Some(value) = parameters.get(rule.name) else {
         return untold(rule.about, rule.name);

@@ -1,4 +1,4 @@
-//! The fence on board: read back, compared with the mission's, and put there where that is asked for.
+//! The fence on board: read back, compared with the mission's, and uploaded if requested.
 #![allow(
     deprecated,
     reason = "vehicles may still ask by the older form, and are to be answered in the newer"
@@ -21,18 +21,18 @@ const SAME_M: f64 = 1.0;
 const MOST_ITEMS: u16 = 200;
 const FENCE: MavMissionType = MavMissionType::MAV_MISSION_TYPE_FENCE;
 
-/// What was found on board.
+/// Result of the comparison.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum FenceOnBoard {
     /// No fence.
     None,
     /// The mission's polygon, and nothing else.
     Same,
-    /// Another one; in what it differs.
+    /// Another one; the difference.
     Other(String),
 }
 
-/// What is on its way to the vehicle and has no answer yet.
+/// A request to the vehicle without an answer yet.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Question {
     /// How many items there are.
@@ -58,7 +58,7 @@ pub(super) struct FenceExchange {
 }
 
 impl FenceExchange {
-    /// For the mission's polygon; an empty one is nobody's business.
+    /// An exchange for the mission's polygon; none for an empty one.
     pub(super) fn new(wanted: &[Geodetic]) -> Self {
         Self {
             wanted: wanted.to_vec(),
@@ -79,7 +79,7 @@ impl FenceExchange {
         self.question.is_some()
     }
 
-    /// What was found on board; none before it was told.
+    /// The result; none before the fence on board was read.
     pub(super) fn found(&self) -> Option<&FenceOnBoard> {
         self.found.as_ref()
     }
@@ -102,7 +102,7 @@ impl FenceExchange {
         Some(*question)
     }
 
-    /// Takes in how many items there are; true if that is all.
+    /// Receives the number of items; true if the transfer is complete.
     fn counted(&mut self, count: u16) -> bool {
         if !matches!(self.question, Some((Question::List, ..))) {
             return false;
@@ -111,7 +111,7 @@ impl FenceExchange {
         self.next_item()
     }
 
-    /// Takes in an item; true if it was the last.
+    /// Receives an item; true if it was the last.
     fn item(&mut self, item: &MISSION_ITEM_INT_DATA) -> bool {
         let awaited = self.items.len() as u16;
         if item.seq != awaited || !matches!(self.question, Some((Question::Item(_), ..))) {
@@ -134,7 +134,7 @@ impl FenceExchange {
 }
 
 impl Bridge {
-    /// Takes in what the vehicle answers about its fence.
+    /// Receives the vehicle's answers about its fence.
     pub(super) fn on_fence(&mut self, message: &MavMessage, now: SimTime, out: &mut BridgeOutput) {
         let own = (self.config.system_id, self.config.component_id);
         let read_whole = match message {
@@ -194,7 +194,7 @@ impl Bridge {
         }
         self.fence.question = None;
         let (severity, text) = if result == MavMissionResult::MAV_MISSION_ACCEPTED {
-            // What was taken is read again: that alone tells what is there.
+            // Read back after an upload: only that shows the fence on board.
             self.fence.read();
             (
                 Severity::Info,

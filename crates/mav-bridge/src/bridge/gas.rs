@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 const IN_PPB: &str = "_PPB";
 /// Readings kept of each name to know those that come again: 6 s of them at 10 Hz.
 const KEPT: usize = 64;
-/// Silence of the sensor after which the team is told, s.
+/// Silence of the sensor that is reported, s.
 const SILENT_S: f64 = 10.0;
 /// Names kept of values that are no readings.
 const NAMES: usize = 20;
@@ -25,12 +25,12 @@ pub enum GasClock {
     Arrival,
 }
 
-/// What readings of the gas are called, and what their numbers mean.
+/// Names of the gas readings, and their units.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GasInput {
     /// Name of the NAMED_VALUE_FLOAT, 10 letters at most.
     pub name: String,
-    /// Component that sends it; none: any of the vehicle's.
+    /// Component that sends it; none: any component of the vehicle.
     pub component_id: Option<u8>,
     /// ppm for 1 of its unit.
     pub scale: f64,
@@ -62,7 +62,7 @@ pub(super) struct Read {
     pub time_boot_ms: Option<u32>,
 }
 
-/// What was heard of the gas sensor.
+/// State of the gas sensor.
 #[derive(Debug, Clone)]
 pub(super) struct GasHeard {
     inputs: Vec<GasInput>,

@@ -1,11 +1,11 @@
-//! How the vehicle and its links are, for whoever watches over them.
+//! Health of the vehicle and its links.
 
 use super::Bridge;
 use super::checklist::Verdict;
 use protocol::SimTime;
 use protocol::message::{Finding, Health};
 
-/// What MAVLink has for a voltage and for a number of satellites that are not known.
+/// MAVLink's values for an unknown voltage and an unknown number of satellites.
 const UNKNOWN_MV: u16 = u16::MAX;
 const UNKNOWN_SATELLITES: u8 = u8::MAX;
 
@@ -43,7 +43,7 @@ impl Bridge {
         }
     }
 
-    /// What of a checklist that was gone through is not right.
+    /// Points of a complete checklist that are not met.
     fn findings(&self) -> Vec<Finding> {
         if !self.checklist.is_done() {
             return Vec::new();

@@ -1,5 +1,5 @@
-//! Which of the systems on a link is the vehicle. One that was asked for by its id is taken and no other;
-//! without an id the one autopilot that is heard is, and where two are heard neither is commanded.
+//! Identification of the vehicle among the systems on a link. A configured id excludes all others;
+//! without one it is the only autopilot received, and of two neither is commanded.
 
 use super::BridgeConfig;
 use crate::dialect::{HEARTBEAT_DATA, MavAutopilot, MavType};
@@ -7,26 +7,26 @@ use crate::wire::RawFrame;
 use protocol::SimTime;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// How long is listened for a second autopilot before the first is commanded, s: two heartbeats of each.
+/// Time to wait for a second autopilot before the first is commanded, s: two heartbeats of each.
 const LISTEN_S: f64 = 2.5;
 
 /// A ground station whose last heartbeat is older has gone, s: two of three heartbeats may be lost.
 const STATION_LASTS_S: f64 = 3.5;
 
-/// What a heartbeat brings to light.
+/// Finding from a heartbeat.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Found {
     /// Nothing new.
     Nothing,
-    /// An autopilot beside the one that was asked for or is flown already.
+    /// An autopilot beside the configured one or the one already flown.
     Another(u8),
-    /// A second autopilot, and none was asked for.
+    /// A second autopilot without a configured id.
     Ambiguous(u8, u8),
     /// Another ground station with the bridge's own system id; that of its component.
     SameStation(u8),
 }
 
-/// Who is who on the link.
+/// The systems on the link.
 #[derive(Debug, Clone)]
 pub(super) struct Identity {
     own: u8,
@@ -34,9 +34,9 @@ pub(super) struct Identity {
     component: u8,
     system: Option<u8>,
     since: Option<SimTime>,
-    /// Autopilots heard, by their systems.
+    /// Autopilots received, by system id.
     heard: BTreeSet<u8>,
-    /// Other ground stations and when each was heard last.
+    /// Other ground stations and the time of each one's last heartbeat.
     stations: BTreeMap<u8, SimTime>,
     same_station: bool,
     ambiguous: bool,
@@ -69,7 +69,7 @@ impl Identity {
         self.certain
     }
 
-    /// Other ground stations that were heard in the last seconds, by their systems.
+    /// Other ground stations received in the last seconds, by system id.
     pub(super) fn stations(&self, now: SimTime) -> impl Iterator<Item = u8> {
         let heard = move |at: &SimTime| now.since_s(*at) <= STATION_LASTS_S;
         let stations = self.stations.iter();
@@ -94,7 +94,7 @@ impl Identity {
             && self.heard.contains(&frame.system_id())
     }
 
-    /// Takes in a heartbeat of anybody; `committed` if the vehicle has been commanded to fly already.
+    /// Receives a heartbeat of any system; `committed`: the vehicle has been commanded to fly already.
     pub(super) fn heartbeat(
         &mut self,
         frame: &RawFrame,

@@ -19,16 +19,16 @@ const AWAY_M: f64 = 300.0;
 /// Time for which it has to fly away, s.
 const AWAY_S: f64 = 20.0;
 
-/// What was found out.
+/// Finding.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Astray {
-    /// It says that it flies to another place.
+    /// It reports another target.
     To(Geodetic),
     /// It moves away from its place.
     Away,
 }
 
-/// The place that was sent and taken.
+/// The place that was sent and accepted.
 #[derive(Debug, Clone, Copy)]
 struct Placed {
     at: Geodetic,
@@ -37,7 +37,7 @@ struct Placed {
     away_since: Option<SimTime>,
 }
 
-/// Where it was sent and where it says it goes.
+/// The commanded and the reported target.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Placement {
     placed: Option<Placed>,
@@ -46,7 +46,7 @@ pub(super) struct Placement {
 }
 
 impl Placement {
-    /// The vehicle has taken a place, in 1e-7 degrees.
+    /// The vehicle has accepted a place, in 1e-7 degrees.
     pub(super) fn taken(&mut self, lat_1e7: i32, lon_1e7: i32, now: SimTime) {
         self.elsewhere = 0;
         self.placed = Some(Placed {
@@ -62,7 +62,7 @@ impl Placement {
         (self.placed, self.elsewhere) = (None, 0);
     }
 
-    /// Takes in where the vehicle says it goes.
+    /// Receives the target that the vehicle reports.
     pub(super) fn target(
         &mut self,
         m: &POSITION_TARGET_GLOBAL_INT_DATA,
@@ -80,7 +80,7 @@ impl Placement {
         (self.elsewhere >= TARGETS).then_some(Astray::To(target))
     }
 
-    /// Looks at where the vehicle is, if it does not say where it goes.
+    /// Checks the vehicle's position, if it reports no target.
     pub(super) fn look(&mut self, here: Geodetic, now: SimTime) -> Option<Astray> {
         let told = |at: SimTime| now.since_s(at) <= TARGET_LASTS_S;
         if self.target_at.is_some_and(told) {

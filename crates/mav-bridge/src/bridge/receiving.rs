@@ -1,4 +1,4 @@
-//! What comes from the vehicle.
+//! Messages from the vehicle.
 
 use super::attitude::STEERING_HZ;
 use super::batteries::Battery;
@@ -24,11 +24,11 @@ use protocol::message::Severity;
 
 /// Bytes that must have come in without a frame before the team is warned.
 const NO_FRAMES_AFTER_BYTES: u64 = 2000;
-/// Telemetry asked for must have come after this long, s.
+/// Time limit for requested telemetry, s.
 const TELEMETRY_WITHIN_S: f64 = 10.0;
 /// Rate of the home position, which changes once, 1/s.
 const HOME_HZ: f64 = 0.5;
-/// Rate of what changes slowly, 1/s.
+/// Rate of slowly varying quantities, 1/s.
 const SLOW_HZ: f64 = 2.0;
 /// A vehicle whose clock goes back by this has started anew, ms: frames of several links overtake each other by less.
 const RESTARTED_MS: u32 = 5000;
@@ -38,11 +38,11 @@ const MODE_SETTLES_S: f64 = 1.0;
 const LINK_REPORT_S: f64 = 60.0;
 
 impl Bridge {
-    /// Takes all whole frames out of the decoders.
+    /// Processes all complete frames of the decoders.
     pub(super) fn process_frames(&mut self, now: SimTime, out: &mut BridgeOutput) {
         while let Some((link, frame)) = self.paths.next_frame(now) {
             self.process_frame(link, &frame, now, out);
-            // What another vehicle says stands in its own record.
+            // Another vehicle's frames belong to its own record.
             if !self.identity.of_another(&frame) {
                 out.frames_from_vehicle.push(frame.into_bytes());
             }
@@ -369,7 +369,7 @@ impl Bridge {
         }
     }
 
-    /// Asks for messages that do not come.
+    /// Requests messages that do not arrive.
     pub(super) fn check_rates(&mut self, now: SimTime, out: &mut BridgeOutput) {
         let Some(to) = self.identity.address().filter(|_| self.authority.link_up()) else {
             return;
@@ -504,7 +504,7 @@ impl Bridge {
         if name == known.take_off_altitude && value.is_finite() && value > 0.0 {
             self.takeoff_altitude_m = Some(value);
         }
-        // The checklist says the same with all else.
+        // The checklist reports the same.
         if self.checklist.is_kept() {
             return;
         }
@@ -532,7 +532,7 @@ impl Bridge {
         }
     }
 
-    /// Says what is missing: heartbeat, frames among the bytes, telemetry.
+    /// Reports missing heartbeats, frames or telemetry.
     pub(super) fn check_timeouts(&mut self, now: SimTime, out: &mut BridgeOutput) {
         let statistics = self.paths.statistics();
         if statistics.frames == 0
@@ -572,7 +572,7 @@ impl Bridge {
         }
     }
 
-    /// Says once a minute what the link loses, if it does.
+    /// Reports losses of the link, at most once a minute.
     pub(super) fn report_link(&mut self, now: SimTime, out: &mut BridgeOutput) {
         let (told_at, before) = self.told;
         if now.since_s(told_at) < LINK_REPORT_S {

@@ -1,4 +1,4 @@
-//! What the vehicle is asked to do.
+//! Commands to the vehicle.
 
 use super::placement::Astray;
 use super::{Bridge, BridgeOutput};
@@ -60,7 +60,7 @@ impl Bridge {
         }
     }
 
-    /// Brings it home to land where no setpoint says so.
+    /// Brings it home to land without a setpoint.
     pub(super) fn come_down(&mut self) {
         let home = Setpoint {
             path: PathKind::Land,
@@ -73,7 +73,7 @@ impl Bridge {
                 orbit_radius_m: 0.0,
             })
         };
-        // Where it lands is the vehicle's own business.
+        // The vehicle itself chooses where it lands.
         self.land(&home);
     }
 
@@ -100,7 +100,7 @@ impl Bridge {
         if self.config.attitude_targets && modes.attitudes != modes.places {
             return; // places do not count in that mode
         }
-        // Where attitudes are sent, a place says where it goes if they stay away.
+        // Under attitude control a place is the fallback if attitudes stop.
         // Autopilots fly equivalent airspeed, the team true airspeed.
         let ratio = self.telemetry.eas_over_tas(target.alt_amsl_m, now);
         let speed = (target.airspeed_m_s * ratio) as f32;
@@ -208,7 +208,7 @@ impl Bridge {
         self.telemetry.above_home_m().is_some_and(|h| h >= enough_m)
     }
 
-    /// Takes in what became of a command.
+    /// Processes the outcome of a command.
     pub(super) fn on_outcome(
         &mut self,
         outcome: CommandOutcome,
@@ -293,7 +293,7 @@ impl Bridge {
                 "; the bridge tries again",
             ),
             VehicleCommand::Speed { .. } => {
-                // The next setpoint asks again; within this one it would be refused again.
+                // The next setpoint requests it again; now it would be rejected again.
                 (self.retry_at, self.speed_sent) = (None, None);
                 (Severity::Warning, "speed-failed", "")
             }
@@ -358,8 +358,8 @@ impl Bridge {
         }
     }
 
-    /// Takes in where the vehicle says it goes: elsewhere, somebody else has sent it there, and has it from now on.
-    /// Two who send it to and fro would fly it nowhere; who has come later has a reason.
+    /// Receives the vehicle's reported target. If it differs from the commanded one, another sender has control from now
+    /// on: two alternating targets would lead nowhere, and the later one has a reason.
     pub(super) fn on_target(
         &mut self,
         target: &POSITION_TARGET_GLOBAL_INT_DATA,

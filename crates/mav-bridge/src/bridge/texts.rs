@@ -1,5 +1,5 @@
-//! The vehicle's own texts on their way to the team. A vehicle, or whoever speaks in its name, may send as many as its
-//! link carries: what is repeated is counted.
+//! Forwarding of the vehicle's own texts to the team. A vehicle, or a sender in its name, may send as many as its
+//! link carries: repeated ones are only counted.
 
 use crate::event::event;
 use protocol::SimTime;
@@ -11,7 +11,7 @@ const WINDOW_S: f64 = 10.0;
 /// Different texts passed on in that time: an autopilot that starts sends about ten.
 const MOST: usize = 20;
 
-/// What the team's events of such texts are called.
+/// Code of the events with such texts.
 const CODE: &str = "vehicle-says";
 
 /// A text that was passed on, and how often it came again since.
@@ -58,7 +58,7 @@ impl Texts {
         Some(event(severity, CODE, text))
     }
 
-    /// What was counted, once the while is over.
+    /// The counts, after the interval.
     pub(super) fn counted(&mut self, now: SimTime) -> Vec<EventMessage> {
         if self.passed.is_empty() || now.since_s(self.since) < WINDOW_S {
             return Vec::new();

@@ -10,7 +10,7 @@ const SIGNATURE_LEN: usize = 13;
 /// How long the head of a frame may wait for its rest: 280 bytes take 50 ms at 57,600 baud.
 const LONGEST_FRAME_S: f64 = 0.5;
 
-/// What has gone over a link so far.
+/// Counters of a link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct LinkStatistics {
     /// Bytes received.
@@ -32,7 +32,7 @@ pub struct LinkStatistics {
 }
 
 impl LinkStatistics {
-    /// What was lost since `before`, in words; none if nothing was.
+    /// Losses since `before`, as text; none without losses.
     pub fn since(&self, before: &Self) -> Option<String> {
         let frames = self.frames - before.frames;
         let counts = [
@@ -66,7 +66,7 @@ pub struct FrameDecoder {
     statistics: LinkStatistics,
 }
 
-/// What stands at the front of the buffer.
+/// Content at the front of the buffer.
 enum FrameCheck {
     Frame(usize),
     False,
@@ -79,7 +79,7 @@ impl FrameDecoder {
         Self::default()
     }
 
-    /// Takes bytes in: a datagram, or a piece of a stream.
+    /// Receives bytes: a datagram, or a part of a stream.
     pub fn push(&mut self, bytes: &[u8]) {
         // What was consumed goes at the next input, once, rather than at each frame.
         self.buffer.drain(..self.start);
@@ -138,7 +138,7 @@ impl FrameDecoder {
     }
 }
 
-/// Judges what begins with a start byte.
+/// Examines the bytes from a start byte on.
 fn check_frame(bytes: &[u8]) -> FrameCheck {
     if bytes.len() < 3 {
         return FrameCheck::Incomplete;

@@ -29,7 +29,7 @@ impl std::fmt::Debug for SigningConfig {
     }
 }
 
-/// Signs what goes out and checks what comes in.
+/// Signs outgoing frames and verifies incoming ones.
 #[derive(Debug, Clone)]
 pub struct Signing {
     config: SigningConfig,

@@ -88,7 +88,7 @@ impl BusArguments {
         self.mission.setup(&self.scenario)
     }
 
-    /// How to join; `listens` where a process that is told nothing else listens.
+    /// Options to join the bus; `listens`: without endpoints the process listens at the default one.
     ///
     /// # Errors
     /// A user without a password.
@@ -153,7 +153,7 @@ impl BusArguments {
         })
     }
 
-    /// Where the squadron controller listens where nobody says otherwise.
+    /// Default endpoint of the squadron controller.
     fn default_endpoint(&self) -> String {
         match &self.keys {
             Some(_) => DEFAULT_ENDPOINT.replace("tcp/", "tls/"),
@@ -161,7 +161,7 @@ impl BusArguments {
         }
     }
 
-    /// Where it tries to connect to, for messages.
+    /// The endpoints to which it connects, for messages.
     pub fn connected_to(&self, listens: bool) -> String {
         match (self.connect.as_slice(), listens) {
             ([], true) => String::new(),
@@ -170,7 +170,7 @@ impl BusArguments {
         }
     }
 
-    /// Joins the bus, to look on or to speak for the operator.
+    /// Joins the bus as an observer or operator.
     ///
     /// # Errors
     /// As [`BusArguments::open_as`].
@@ -181,7 +181,7 @@ impl BusArguments {
     /// Joins the bus as `agents`.
     ///
     /// # Errors
-    /// Options that Zenoh does not take, a port that is taken, or no key for a mission on several hosts.
+    /// Options that Zenoh rejects, a port in use, or no key for a mission on several hosts.
     pub async fn open_as(
         &self,
         setup: &Setup,
@@ -214,7 +214,7 @@ impl BusArguments {
     }
 }
 
-/// What has to be the same in all processes of the mission.
+/// Identity of a mission, equal in all its processes.
 fn identity(setup: &Setup) -> MissionIdentity {
     let scenario = &setup.scenario;
     let mut same = scenario.clone();
@@ -304,7 +304,7 @@ impl From<Member> for HostedMember {
     }
 }
 
-/// What a process does otherwise than the scenario says with its vehicles.
+/// Options of a process that replace the scenario's for its vehicles.
 #[derive(Debug, Clone, Default)]
 pub struct VehicleOptions {
     /// `--flightgear` arguments.
@@ -430,7 +430,7 @@ fn run_hosted(
     )
 }
 
-/// Waits until somebody interrupts the program.
+/// Waits for an interrupt.
 async fn raised(interrupted: &AtomicBool) {
     while !interrupted.load(Ordering::Relaxed) {
         tokio::time::sleep(INTERRUPTED_AFTER).await;
@@ -505,7 +505,7 @@ async fn fly_in_real_time(
     around.rival.map_or(Ok(()), |rival| Err(rival.into()))
 }
 
-/// Time between two looks whether somebody interrupts the program.
+/// Polling interval for interrupts.
 const INTERRUPTED_AFTER: Duration = Duration::from_millis(50);
 
 /// How long a real aircraft that was put in a simulated one's place may stay unheard, ns: a radio's search and an

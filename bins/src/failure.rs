@@ -1,24 +1,24 @@
-//! How a command ends when it does not end well.
+//! Errors and exit codes of the programs.
 
 use net::NetError;
 use protocol::text::printable_lines;
 use std::process::ExitCode;
 use tasks::words::{in_words, with_causes};
 
-/// Exit code of a program whose output nobody takes any more, as shells have it of a signal SIGPIPE (128 + 13).
+/// Exit code after the reader has closed the output, as shells report the signal SIGPIPE (128 + 13).
 const NOBODY_READS: i32 = 141;
 /// Exit code of wrong usage or input.
 const WRONG_INPUT: u8 = 2;
 
-/// Exit code of a mission in lockstep that ended since somebody was missing.
+/// Exit code of a lockstep mission in which a process stopped responding.
 const SOMEBODY_MISSING: u8 = 3;
 
-/// Why a command failed, by whose fault.
+/// Error of a command, by its origin.
 #[derive(Debug)]
 pub enum Failure {
     /// Wrong usage or input: exit code 2.
     Input(anyhow::Error),
-    /// Anything else: exit code 3 where somebody was missing in lockstep, else 1.
+    /// Anything else: exit code 3 if a process of a lockstep mission stopped responding, else 1.
     Run(anyhow::Error),
 }
 
@@ -40,7 +40,7 @@ impl Failure {
     }
 }
 
-/// An error in words, whatever a file or another host has put into it.
+/// An error as text, without control characters from files or other hosts.
 fn for_people(error: &str) -> String {
     printable_lines(error).into_owned()
 }
@@ -52,7 +52,7 @@ impl<E: Into<anyhow::Error>> From<E> for Failure {
 }
 
 /// Reads the arguments of a program, or ends it with what is wrong about them; the first thing that a program does.
-/// From then on it ends in silence once nobody reads what it says (`plumage … | head`).
+/// From then on it ends without a message when its reader closes the output (`plumage … | head`).
 pub fn arguments<T: clap::Parser>() -> T {
     let usual = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {

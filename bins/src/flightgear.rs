@@ -20,7 +20,7 @@ impl Viewer {
     /// A viewer at `HOST:PORT`.
     ///
     /// # Errors
-    /// An address that is none.
+    /// An invalid address.
     pub fn open(address: &str) -> Result<Self, Failure> {
         let to = address
             .to_socket_addrs()

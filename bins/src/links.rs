@@ -1,4 +1,4 @@
-//! The links of this process to real vehicles: each opened once, whoever shares it.
+//! The links of this process to real vehicles: each opened once, also if vehicles share it.
 
 use crate::Failure;
 use mav_bridge::goes_over_all_links;
@@ -41,7 +41,7 @@ struct User {
 /// The addresses of a vehicle's links, as the scenario writes them.
 ///
 /// # Errors
-/// One that is none.
+/// An invalid link.
 pub fn addresses(texts: &[String]) -> Result<Vec<LinkAddress>, Failure> {
     let parse = |text: &String| text.parse().map_err(Failure::input);
     texts.iter().map(parse).collect()

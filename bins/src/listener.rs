@@ -7,7 +7,7 @@ use protocol::text::printable;
 use std::collections::BTreeSet;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// Different refusals that are told: somebody may say wrong things without end.
+/// Number of different rejections that are reported: a sender may produce any number.
 const MOST_TOLD: usize = 100;
 
 /// Takes in what is said, and tells on standard error what cannot be read, once each.

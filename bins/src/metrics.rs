@@ -50,7 +50,7 @@ impl Text {
 /// Serves what `collect` gives at `address` for as long as the runtime lives.
 ///
 /// # Errors
-/// An address that is none, or is taken.
+/// An invalid address, or one in use.
 pub async fn serve(
     address: &str,
     collect: impl Fn(&mut Text) + Send + Sync + 'static,

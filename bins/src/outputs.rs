@@ -121,8 +121,8 @@ impl Outputs {
         })
     }
 
-    /// Takes in what was said in a tick. Where the recording cannot be written, as on a full disk, that is said, and
-    /// everything else goes on.
+    /// Receives the messages of a tick. If the recording cannot be written, as on a full disk, it warns, and
+    /// everything else continues.
     pub fn take(&mut self, said: &[Publication]) {
         for (topic, envelope) in said {
             self.now = self.now.max(envelope.time);
@@ -140,7 +140,7 @@ impl Outputs {
         }
     }
 
-    /// Takes in what the recorder itself has to say of the run at `time`: it stands in the record as its event.
+    /// Records an event of the recorder itself at `time`.
     pub fn note(&mut self, time: SimTime, severity: Severity, code: &str, text: &str) {
         self.notes += 1;
         let envelope = Envelope::new(
@@ -152,7 +152,7 @@ impl Outputs {
         self.take(&[(Topic::Event(AgentId::recorder()), envelope)]);
     }
 
-    /// Hands to the file what waits, so that a paused run loses nothing.
+    /// Writes pending messages to the file, so that a paused run loses none.
     pub fn flush(&mut self) {
         if let Some(recorder) = &mut self.recorder
             && recorder.flush().is_err()
@@ -161,9 +161,9 @@ impl Outputs {
         }
     }
 
-    /// The recording cannot be written any more.
+    /// Ends a recording that cannot be written any more.
     fn end_recording(&mut self) {
-        // Its thread knows why.
+        // Its thread has the error.
         let why = self.recorder.take().map(|recorder| recorder.finish(None));
         if let Some(Err(why)) = why {
             let why = Failure::from(why).words();
@@ -175,7 +175,7 @@ impl Outputs {
         }
     }
 
-    /// The run is in real time: what is said of its repeating is another thing.
+    /// Marks the run as real time, which does not repeat bit for bit.
     pub fn is_in_real_time(&mut self) {
         self.report.is_in_real_time();
     }

@@ -39,7 +39,7 @@ impl Outside {
     /// (`ID=HOST:PORT`) and of the scenario, for a run at `speed`.
     ///
     /// # Errors
-    /// An address that is none, a port that is taken, or a real vehicle at another speed than
+    /// An invalid address, a port in use, or a real vehicle at another speed than
     /// its own.
     pub fn open(setup: &Setup, shown: &[String], speed: Speed) -> Result<Self, Failure> {
         let scenario = &setup.scenario;

@@ -1,4 +1,4 @@
-//! The page beside a run or a recording: a runtime of its own, so that the run itself waits for nobody.
+//! The page of a run or a recording, on its own runtime, so that the run never waits for a browser.
 
 use crate::{Failure, runtime};
 use air::geo::{Geodetic, Position};
@@ -20,7 +20,7 @@ use views::tiles::Tiles;
 /// Clicks that may wait for the run.
 const CLICKS: usize = 64;
 
-/// Where a page is asked for.
+/// Choice of the page's address.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Serve {
     /// At the default address, if that is free.
@@ -77,7 +77,7 @@ impl PageArguments {
     /// The tiles asked for.
     ///
     /// # Errors
-    /// An address that is none, a file that cannot be read, or a variable that the environment does not have.
+    /// An invalid address, an unreadable file, or an environment variable that is not set.
     pub fn tiles(&self) -> Result<Option<Tiles>, Failure> {
         let Some(text) = &self.tiles else {
             return Ok(None);
@@ -108,7 +108,7 @@ pub struct LivePage {
     commands: mpsc::Receiver<PageCommand>,
     server: tokio::task::JoinHandle<()>,
     airspace: Airspace,
-    /// Where it is.
+    /// Its address.
     pub address: String,
 }
 
@@ -164,7 +164,7 @@ impl LivePage {
         }))
     }
 
-    /// Takes in what was said in a tick.
+    /// Receives the messages of a tick.
     pub fn take(&mut self, said: &[Publication]) {
         self.live.with(|live| {
             for (topic, envelope) in said {
@@ -183,7 +183,7 @@ impl LivePage {
         self.live.with(work)
     }
 
-    /// What people at the page asked for since the last call; what leads out of the airspace is refused there.
+    /// Commands from the page since the last call; targets outside the airspace are rejected there.
     pub fn commands(&mut self) -> Vec<PageCommand> {
         let mut asked: Vec<_> = std::iter::from_fn(|| self.commands.try_recv().ok()).collect();
         asked.retain(|command| match command {

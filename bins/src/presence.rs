@@ -12,7 +12,7 @@ use std::time::Duration;
 use tasks::loopback;
 use tokio::task::JoinHandle;
 
-/// How long others may take to appear before somebody is told.
+/// Time after which missing processes are reported.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// How often those who are still missing are named.
 const AGAIN: Duration = Duration::from_secs(15);
@@ -80,7 +80,7 @@ fn words(present: &BTreeSet<String>, missing: &[&str], connects_to: &str) -> Str
     )
 }
 
-/// Somebody of the team who has gone or is there again.
+/// An agent of the team that has left or returned.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Change {
     /// How much it matters.
@@ -96,7 +96,7 @@ pub struct Change {
 pub struct RollCall {
     team: BTreeSet<String>,
     begun: Option<SimTime>,
-    /// Since when somebody who was expected has not been there.
+    /// Start of the absence of an expected agent.
     missing: BTreeMap<String, SimTime>,
     came: BTreeSet<String>,
     until: SimTime,

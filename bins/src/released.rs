@@ -32,7 +32,7 @@ pub struct Released {
 }
 
 impl Released {
-    /// The real aircraft of `member`, which was the user `served` of the links; none where nobody misses its heartbeat.
+    /// The real aircraft of `member`, which was the user `served` of the links; none if no aircraft needs its heartbeat.
     pub fn of(member: Member, served: Option<usize>, links: &mut Links) -> Option<Self> {
         let user = served?;
         let released = match member {

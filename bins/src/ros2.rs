@@ -78,7 +78,7 @@ impl Ros2 {
     /// Opens the node, if that was asked for.
     ///
     /// # Errors
-    /// An endpoint that is none.
+    /// An invalid endpoint.
     pub fn open(arguments: &Ros2Arguments, setup: &Setup) -> Result<Option<Self>, Failure> {
         let undulation_m = arguments.undulation.m();
         let Some(endpoint) = &arguments.ros2 else {

@@ -1,4 +1,4 @@
-//! The scenario's file of reported weather, looked at again while a mission flies in real time: whoever fetches
+//! The scenario's file of reported weather, read again while a mission flies in real time: a program that fetches
 //! weather into it gives the mission real-time weather.
 
 use crate::{Failure, mission_files};

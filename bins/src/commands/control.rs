@@ -94,7 +94,7 @@ pub fn control(arguments: &ControlArguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// What the operator says where somebody at a page wants something of a vehicle, or of all of `team`.
+/// The operator's messages for a command from the page to a vehicle, or to all of `team`.
 pub(super) fn told_by_page(wish: PageCommand, team: &[String]) -> Vec<(Topic, Message)> {
     let to = |id: &str, wish| {
         let topic = Topic::Control(Name::new(id).ok()?);

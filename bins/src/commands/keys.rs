@@ -1,4 +1,4 @@
-//! `plumage keys`: what lets the hosts of a mission, and nobody else, onto its bus.
+//! `plumage keys`: keys and certificates for the hosts of a mission.
 
 use crate::Failure;
 use crate::host_keys::{ACCESS, CA, CERTIFICATE, PRIVATE_KEY};

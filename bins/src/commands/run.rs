@@ -144,7 +144,7 @@ impl RunArguments {
         Ok(setup)
     }
 
-    /// What is fed in; rows are said as fast as they were read.
+    /// Observations to feed, as fast as they were read.
     fn feed_options(&self) -> FeedOptions<'_> {
         FeedOptions {
             files: &self.feed,
@@ -162,7 +162,7 @@ impl RunArguments {
         }
     }
 
-    /// Whether somebody sits there who may want to watch, and has said neither how fast nor where to.
+    /// Whether a person at a terminal may watch the page: neither speed nor folder is given.
     fn is_watched(&self) -> bool {
         let at_terminal = std::io::stdin().is_terminal() && std::io::stderr().is_terminal();
         at_terminal && !self.no_serve && self.out.is_none() && self.speed.is_none()
@@ -317,7 +317,7 @@ struct Flight {
     duration_s: f64,
     told_that_it_goes_on: bool,
     outside: Outside,
-    /// For whoever watches over the process.
+    /// Metrics of the process.
     figures: Option<Arc<OfRun>>,
     ground_station: Option<GroundStation>,
     ros2: Option<Ros2>,
@@ -471,7 +471,7 @@ impl Flight {
         }
     }
 
-    /// Tells vehicles what somebody at the page wants of them.
+    /// Publishes a command from the page to vehicles.
     fn tell(&mut self, wish: PageCommand) {
         for (topic, message) in control::told_by_page(wish, &self.team) {
             // A vehicle that is not in the team has no agent that would listen.
@@ -523,7 +523,7 @@ fn interrupt_flags<const N: usize>() -> Result<[Arc<AtomicBool>; N], Failure> {
     runtime.spawn(async {
         let mut interrupts = Interrupts::watch();
         for flag in raised {
-            // What a person did at the keyboard he knows.
+            // An interrupt at the keyboard needs no message.
             let how = interrupts.next().await;
             if how == TERMINATED {
                 eprintln!("{how}");

@@ -7,7 +7,7 @@
 //! algorithm [`CsEa`] (Varela et al. 2014, doi 10.1016/j.neucom.2013.03.060). [`ByPosterior`] flies by a
 //! [`Belief`] of the plume; [`Infotaxis`] and [`PatternFlight`] are rivals behind the same trait, [`ParticleSwarm`],
 //! [`Ascent`] and [`RandomPoints`] baselines to compare with; all are chosen by name with [`strategy_by_name`].
-//! [`Outside`] follows a program of somebody's own.
+//! [`Outside`] follows an external program.
 //!
 //! ```
 //! use csea::{Archive, ArchiveOptions, CsEa, CsEaOptions, Domain, Position, Sample, SearchStrategy};

@@ -1,4 +1,4 @@
-//! Search by somebody outside the program: each of the team looks where it was last wished to.
+//! Search directed by an external program: each vehicle flies to the target last requested for it.
 
 use air::geo::Position;
 use rand::rngs::ChaCha8Rng;
@@ -7,7 +7,7 @@ use crate::archive::Archive;
 use crate::domain::Domain;
 use crate::strategy::{PromisingPoint, Sampler, SearchStrategy};
 
-/// The name of the strategy that follows somebody outside the program.
+/// The name of the strategy that follows an external program.
 pub const OUTSIDE: &str = "outside";
 
 /// Follows wishes. One of whom nothing was wished yet stays where it is.

@@ -43,7 +43,7 @@ pub trait SearchStrategy: Send {
     /// Every point lies inside the strategy's [`crate::Domain`]. The slice is never empty.
     fn step(&mut self, archive: &Archive, rng: &mut ChaCha8Rng) -> &[PromisingPoint];
 
-    /// Takes in where somebody outside the program wants one of the team to look: for the strategy that follows it.
+    /// Receives an external program's target for a vehicle; only the strategy [`crate::Outside`] uses it.
     fn wish(&mut self, _sampler: usize, _place: Position) {}
 
     /// The population of the last step; empty before the first.

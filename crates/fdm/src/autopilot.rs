@@ -59,7 +59,7 @@ pub struct AttitudeDemand {
     pub throttle: f64,
 }
 
-/// What somebody else holds in place of the outer loops' own; the others stay theirs.
+/// Setpoints that replace those of the outer loops; the others remain theirs.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct HeldAttitude {
     /// Bank angle, rad.

@@ -450,7 +450,7 @@ impl Authority {
         (self.mode_requested, self.confirmed) = (self.guided, true);
     }
 
-    /// Somebody else has changed the mode: the vehicle itself only if that mode brings it home, for a
+    /// The mode has changed without a request: by the vehicle itself only if that mode brings it home, for a
     /// failsafe may last while its pilot flies in a mode of his own.
     fn taken_over(&mut self, shown: HeartbeatState) {
         let by_itself = shown.failsafe || shown.cause.is_some() || self.link_returned;

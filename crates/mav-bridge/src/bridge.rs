@@ -535,7 +535,7 @@ impl Bridge {
         }
     }
 
-    /// The pilot, or whoever answers for the vehicle, gives it back to automatic flight: the mode for setpoints
+    /// Returns the vehicle to automatic flight, on behalf of its pilot or operator: the mode for setpoints
     /// is asked for once, and setpoints go through when the vehicle shows it. The answer is an event:
     /// `hand-back` or `guided` if it is done, `hand-back-refused` or `hand-back-failed` if not.
     pub fn hand_back(&mut self, out: &mut BridgeOutput) {

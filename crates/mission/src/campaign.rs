@@ -199,7 +199,7 @@ const BESIDE_HOMES_M: f64 = 100.0;
 /// than there are the simulated ones are repeated, their homes in further rows away from the first source.
 ///
 /// # Errors
-/// A team of nobody, or one that needs simulated vehicles of a scenario without any.
+/// An empty team, or one that needs simulated vehicles of a scenario without any.
 fn with_team_of(scenario: &Scenario, count: usize) -> Result<Scenario, MissionError> {
     let is_simulated = |k: &usize| scenario.vehicles[*k].kind == VehicleKind::Simulated;
     let (simulated, real): (Vec<usize>, Vec<usize>) =

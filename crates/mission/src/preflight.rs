@@ -44,7 +44,7 @@ const GRID_STEPS: usize = 200;
 pub enum Verdict {
     /// The mission must not start.
     Refused,
-    /// It may, if whoever answers for it agrees.
+    /// Allowed if the operator agrees.
     Warned,
 }
 

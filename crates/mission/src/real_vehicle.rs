@@ -196,12 +196,12 @@ impl RealVehicle {
         }
     }
 
-    /// The pilot, or whoever answers for the vehicle, gives it back to automatic flight.
+    /// Returns the vehicle to automatic flight, on behalf of its pilot or operator.
     pub fn hand_back(&mut self) {
         self.handed_back = true;
     }
 
-    /// The mission is over: the vehicle comes home to land, if it is not down and nobody else flies it.
+    /// Ends the mission: the vehicle comes home to land, unless it is down or under other control.
     pub fn mission_over(&mut self) {
         self.over = true;
     }

@@ -21,17 +21,17 @@ impl Run {
     /// A mission at its start, all of it in this process.
     ///
     /// # Errors
-    /// A member that cannot be made, a vehicle behind a link that nobody serves, or a strategy of somebody outside.
+    /// An invalid member, a vehicle behind a link that is not served, or the strategy of an external program.
     pub fn new(setup: &Setup) -> Result<Self, MissionError> {
         refuse_outside(setup)?;
         Self::led(setup)
     }
 
     /// The same, whose owner tells vehicles where to look, between the ticks, by [`Self::send_to`], where the strategy
-    /// is that of somebody outside the program.
+    /// is that of an external program.
     ///
     /// # Errors
-    /// A member that cannot be made, or a vehicle behind a link that nobody serves.
+    /// An invalid member, or a vehicle behind a link that is not served.
     pub fn led(setup: &Setup) -> Result<Self, MissionError> {
         let mut vehicles = setup.scenario.vehicles.iter();
         if let Some(linked) = vehicles.find(|v| v.kind == VehicleKind::Mavlink) {
@@ -48,7 +48,7 @@ impl Run {
     /// at the members' [`RealVehicle::link`](crate::real_vehicle::RealVehicle::link).
     ///
     /// # Errors
-    /// A member that cannot be made, or a strategy of somebody outside.
+    /// An invalid member, or the strategy of an external program.
     pub fn with_links(setup: &Setup) -> Result<Self, MissionError> {
         refuse_outside(setup)?;
         let run = Self::begin(setup)?;

@@ -141,7 +141,7 @@ impl Member {
     /// that the caller serves, or a simulated one from where this one is.
     ///
     /// # Errors
-    /// A vehicle that is what is asked for already; a real one that flies by itself, which nobody would have then.
+    /// A vehicle of the requested kind already; a real one in automatic flight, which would lose its commander.
     pub fn swapped(&self, setup: &Setup, index: usize, swap: &Swap) -> Result<Self, MissionError> {
         let name = setup.name_of(index)?;
         let refuse = |why: String| Err(MissionError::Request(why));

@@ -17,7 +17,7 @@ use std::collections::BTreeMap;
 /// One message that went over the bus.
 pub type Publication = (Topic, Envelope);
 
-/// Who wants to hear what: with a thousand vehicles nobody can look through all that is said.
+/// Index of subscriptions by topic: with a thousand vehicles no agent can filter all messages.
 #[derive(Default)]
 struct Routes {
     /// Places of members by topic …
@@ -154,7 +154,7 @@ impl<A: Agent + Send> Conductor<A> {
         }
     }
 
-    /// Takes in one more agent; before the first tick, for whoever joins later has missed something.
+    /// Adds an agent. Call it before the first tick: a later one has missed messages.
     pub fn join(&mut self, agent: A) {
         let at = self.members.partition_point(|m| m.agent.id() <= agent.id());
         let member = Member {

@@ -1,7 +1,7 @@
 //! Computations that last longer than a tick: an agent hands one out and receives its result as an event, so that it
 //! goes on publishing meanwhile. Without that, vehicles would count its silence and fly home.
 //!
-//! A [`Job`] is a pure function over a snapshot. Whoever runs the agent computes it on a thread. In virtual time and in
+//! A [`Job`] is a pure function over a snapshot. The agent's host computes it on a thread. In virtual time and in
 //! lockstep the [`JobResult`] arrives [`RESULT_AFTER_NS`] after the start, whatever the computation takes, so that all
 //! ways of running give the same digest; in real time it arrives as soon as it is there.
 
@@ -56,7 +56,7 @@ impl JobResult {
 pub enum Arrival {
     /// [`RESULT_AFTER_NS`] after the start; the run waits for those that are not computed by then.
     Fixed,
-    /// Once computed; nobody waits.
+    /// As soon as it is computed.
     WhenComputed,
 }
 

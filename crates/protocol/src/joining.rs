@@ -60,7 +60,7 @@ pub struct Introduction {
 /// Asks to be let in.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Question {
-    /// A random number, hexadecimal: nobody meets one twice.
+    /// A random number, hexadecimal, unique to this request.
     pub question: String,
     /// The wire version that who asks speaks.
     #[serde(default)]
@@ -74,7 +74,7 @@ pub struct Question {
     /// The numbers of the runs in which it has found agents of the team.
     #[serde(default)]
     pub hears: Vec<u64>,
-    /// Who asks, unless it hosts nobody.
+    /// The agents of the process that asks; empty if it hosts none.
     #[serde(default)]
     pub introduction: Option<Introduction>,
 }
@@ -121,7 +121,7 @@ impl Answer {
     }
 }
 
-/// Why somebody is not let in.
+/// Reason for a rejection.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Refused {
     /// In words.

@@ -16,7 +16,7 @@ pub enum AgentKind {
     Sc,
     /// The conductor of a lockstep run.
     Clock,
-    /// Whoever answers for the vehicles, at the page or by a command.
+    /// The operator, at the page or by a command.
     Operator,
 }
 
@@ -106,7 +106,7 @@ impl AgentId {
         Self::main(AgentKind::Clock)
     }
 
-    /// Whoever answers for the vehicles.
+    /// The operator.
     pub fn operator() -> Self {
         Self::main(AgentKind::Operator)
     }

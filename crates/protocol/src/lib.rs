@@ -106,7 +106,7 @@ pub enum ProtocolError {
         /// The kind that belongs on that key.
         expected: &'static str,
     },
-    /// A sender wrote on a key that belongs to somebody else.
+    /// A sender published on a key of another agent.
     #[error("{sender} is not allowed to publish on {key}")]
     ForeignSender {
         /// Who claims to have sent it.
@@ -114,7 +114,7 @@ pub enum ProtocolError {
         /// Key expression it came in on.
         key: String,
     },
-    /// A key that is none of Plumage's.
+    /// A key that Plumage does not define.
     #[error("key '{0}': expected plumage/<mission>/<kind>/<id>/<topic>")]
     UnknownKey(String),
     /// Something without a seal of the mission's key, or with one that does not hold.

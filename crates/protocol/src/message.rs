@@ -125,7 +125,7 @@ pub struct Health {
     pub frames: u64,
     /// Frames that are missing in its own count.
     pub lost_frames: u64,
-    /// Frames that came spoilt, or that nobody could read.
+    /// Damaged or unreadable frames.
     pub unreadable_frames: u64,
     /// Frames that were refused for their signature.
     pub refused_frames: u64,
@@ -216,7 +216,7 @@ pub struct Destination {
 pub enum Severity {
     /// Worth knowing.
     Info,
-    /// Somebody should look.
+    /// Needs attention.
     Warning,
     /// Something failed.
     Error,

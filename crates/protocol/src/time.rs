@@ -64,7 +64,7 @@ impl SimTime {
     }
 }
 
-/// Time between two ticks above which whoever ticks has paused, ns: a host that stalls.
+/// Time between two ticks above which the process counts as paused, ns, as on a host that stalls.
 const PAUSE_NS: i64 = 1_500_000_000;
 
 /// Finds the pauses of whoever ticks. While a host stalls it hears nobody, so that the silence of

@@ -159,7 +159,7 @@ impl Flown {
     /// Of a recording.
     ///
     /// # Errors
-    /// A message that cannot be read, or a recording in which nobody has read anything.
+    /// A message that cannot be read, or a recording without readings.
     pub fn of_recording(recording: &Recording) -> Result<Self, RecordError> {
         let info = &recording.info;
         let mut heard = FlownBuilder::new(info.mission.as_str(), info.gas, info.start_unix_ns);

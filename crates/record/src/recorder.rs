@@ -151,7 +151,7 @@ impl Recorder {
         Ok(())
     }
 
-    /// Writes JSON of somebody else's `schema` beside the mission's messages, on a `topic` that is not the mission's.
+    /// Writes JSON with an external `schema` beside the mission's messages, on a separate `topic`.
     ///
     /// # Errors
     /// As [`Recorder::record`].

@@ -83,7 +83,7 @@ impl RecordingEnd {
 /// Opens the recording at `path` and reads what it says about its run.
 ///
 /// # Errors
-/// No file, no MCAP, an MCAP of somebody else, another wire version, or a file cut short before
+/// No file, no MCAP, an MCAP of another program, another wire version, or a file cut short before
 /// its scenario.
 pub fn read_mcap(path: &Path) -> Result<Recording, RecordError> {
     let refuse = |why: String| RecordError::NotARecording {

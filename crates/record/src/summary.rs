@@ -289,7 +289,7 @@ pub struct MissionSummary {
     pub peak: PeakSummary,
     /// What the sources emit; empty where the readings follow no plume.
     pub flux: Vec<FluxSummary>,
-    /// What real readings show of the model; none where nobody looked.
+    /// Analysis of the model by real readings; none if not done.
     pub gap: Option<GapSummary>,
     /// The model.
     pub model: ModelSummary,

@@ -304,7 +304,7 @@ impl SquadronController {
         }
     }
 
-    /// Lets the strategy know where somebody outside the program wants a vehicle to look.
+    /// Passes a wish of an external program for a vehicle's target to the strategy.
     fn wish(&mut self, name: &Name, wished: &Destination) {
         let at = self
             .fleet

@@ -448,7 +448,7 @@ impl Fleet {
         kept_free.all(|kept| self.separation.apart(own, kept)) && self.is_free(index, own, |_| true)
     }
 
-    /// Whether nobody else is, or is on the way to be, where a vehicle is to circle.
+    /// Whether the place of a vehicle's circle is free, and no other vehicle is on its way there.
     fn is_end_free(&self, index: usize, end: Position) -> bool {
         let circle = Corridor::straight(end, end, self.vehicles[index].circle_m);
         let others = self.vehicles.iter().enumerate();

@@ -35,7 +35,7 @@ pub(crate) struct Tasks {
     pub called: Vec<bool>,
     pub next_pass: usize,
     pub passes_flown: usize,
-    /// Times in a row that nobody could be sent to the next pass.
+    /// Consecutive attempts in which no vehicle was free for the next pass.
     pub refused: usize,
 }
 

@@ -118,7 +118,7 @@ pub enum ScenarioError {
         /// The other.
         other: &'static str,
     },
-    /// A reality that nobody knows.
+    /// An unknown reality.
     #[error("reality '{name}': unknown; expected one of {known}, or several joined by +")]
     Reality {
         /// The name.

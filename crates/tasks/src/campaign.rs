@@ -1,4 +1,4 @@
-//! Many missions of one scenario, whoever flies them: what is asked, each mission, and the tables of all.
+//! Campaigns, many missions of one scenario: the question, each mission, and the tables of all.
 
 use crate::{TaskError, preflight, scenario_files};
 use mission::{Run, Setup, campaign};

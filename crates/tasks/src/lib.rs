@@ -51,7 +51,7 @@ pub enum TaskError {
         /// The line, from 1.
         line: usize,
     },
-    /// An argument that is none of those expected.
+    /// An invalid argument.
     #[error("{0}")]
     Argument(String),
     /// A table that cannot be written.

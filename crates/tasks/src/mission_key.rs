@@ -77,7 +77,7 @@ pub fn random<const N: usize>() -> Result<[u8; N], TaskError> {
     Ok(bytes)
 }
 
-/// A key that nobody has had, as the text of a file.
+/// A new random key, as the text of a file.
 ///
 /// # Errors
 /// The system has no random numbers.
@@ -86,7 +86,7 @@ pub fn new_text() -> Result<String, TaskError> {
     Ok(format!("{}\n", key.to_hex()))
 }
 
-/// Writes a file that nobody else may read, which must not be there.
+/// Writes a new file that only its owner may read; fails if it exists.
 ///
 /// # Errors
 /// It is there, or cannot be written.

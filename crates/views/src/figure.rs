@@ -407,7 +407,7 @@ pub(crate) fn stride(count: usize, most: usize) -> usize {
 }
 
 /// A line is broken where nothing was read for so many of the usual steps between two readings: over a pause it
-/// would show what nobody read.
+/// would show values without readings.
 const STEPS_OF_A_PAUSE: f64 = 20.0;
 
 /// Where a line over `time_s` has to be broken: the indices of what follows a pause.

@@ -23,11 +23,11 @@ use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::{Semaphore, broadcast};
 use tokio::task::JoinHandle;
 
-/// Where Foxglove looks if nobody says otherwise.
+/// Foxglove's default address.
 pub const DEFAULT_ADDRESS: &str = "127.0.0.1:8765";
 /// The protocol's name.
 const PROTOCOL: &str = "foxglove.sdk.v1";
-/// Messages that may wait for a slow viewer; more of them it misses, and holds up nobody.
+/// Messages queued for a slow viewer, which loses further ones and delays no other.
 const WAITING: usize = 4096;
 /// Viewers at a time.
 const VIEWERS: usize = 64;
@@ -302,7 +302,7 @@ impl Viewer {
         Ok(())
     }
 
-    /// What was said before somebody asked: stacks and fence are said once.
+    /// Messages from before a subscription: stacks and fence are published once.
     async fn tell_last(&mut self, subscription: u32, channel: usize) -> Result<(), axum::Error> {
         let last = match self.shared.channels.lock() {
             Ok(channels) => channels.get(channel).and_then(|c| c.last.clone()),

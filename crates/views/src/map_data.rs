@@ -7,7 +7,7 @@ use protocol::message::Model;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-/// Most columns of a grid that somebody may ask for: as many as anybody can see lines between.
+/// Most columns of a grid in a request: finer lines cannot be seen.
 const MOST_COLUMNS: usize = 200;
 /// Least and greatest width of the map that is drawn, m.
 const WIDTHS_M: (f64, f64) = (20.0, 400_000.0);
@@ -41,7 +41,7 @@ impl MapView {
     }
 }
 
-/// The plume at the height of its axis, where it is strongest, ppm above background; none for an area that is none.
+/// The plume at the height of its axis, where it is strongest, ppm above background; none for an empty area.
 pub(crate) fn plume(site: &SiteMap, model: &Model, view: MapView) -> Option<Value> {
     let (area, columns) = view.area()?;
     let alt = site.axis_amsl_m(model);
@@ -53,7 +53,7 @@ pub(crate) fn plume(site: &SiteMap, model: &Model, view: MapView) -> Option<Valu
     }))
 }
 
-/// Height of the ground, m above mean sea level, null where it is not known; none for an area that is none.
+/// Height of the ground, m above mean sea level, null where unknown; none for an empty area.
 pub(crate) fn ground(site: &SiteMap, view: MapView) -> Option<Value> {
     let (area, columns) = view.area()?;
     let height = |points: &[MapPoint]| points.iter().map(|p| known(site, p.at)).collect();
@@ -85,7 +85,7 @@ impl SectionView {
     }
 }
 
-/// Plume and ground in the section; none for a section that is none. Where there is no model, the ground alone
+/// Plume and ground in the section; none for an empty section. Without a model, the ground alone
 /// towards the north.
 pub(crate) fn section(site: &SiteMap, model: Option<&Model>, view: SectionView) -> Option<Value> {
     if !view.is_drawn() {

@@ -30,7 +30,7 @@ use std::time::Duration;
 use tokio::net::TcpListener;
 use tokio::sync::{Semaphore, broadcast, mpsc, watch};
 
-/// Where the page is if nobody says otherwise.
+/// Default address of the page.
 pub const DEFAULT_ADDRESS: &str = "127.0.0.1:8787";
 /// Shortest time between two frames.
 const FRAME: Duration = Duration::from_millis(200);
@@ -82,7 +82,7 @@ const ASSETS: [(&str, &str, &str); 16] = [
 const CSS: &str = "text/css; charset=utf-8";
 const SCRIPT: &str = "text/javascript; charset=utf-8";
 
-/// What somebody at the page asks for.
+/// A command from the page.
 #[derive(Debug, Clone, PartialEq)]
 pub enum PageCommand {
     /// Hold the mission.
@@ -204,7 +204,7 @@ impl Live {
         Self(Arc::new(Mutex::new(state)))
     }
 
-    /// Does something with the state, while nobody else does.
+    /// Locks the state and applies `work` to it.
     pub fn with<T>(&self, work: impl FnOnce(&mut LiveState) -> T) -> T {
         // A panic elsewhere leaves a state that can still be shown.
         work(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))

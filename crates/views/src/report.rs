@@ -476,7 +476,7 @@ fn lead(summary: &MissionSummary) -> String {
     text
 }
 
-/// What somebody who has this answer does next.
+/// The recommended next step after this answer.
 fn next(summary: &MissionSummary) -> String {
     let real = summary.vehicles.iter().any(|v| v.kind == VehicleKind::Real);
     let asks = "plumage gap plume mission.mcap --scenario scenario.toml --out gap, in this folder, tests the \

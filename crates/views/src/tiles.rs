@@ -1,4 +1,4 @@
-//! Raster tiles under the map: loaded by the browser from where somebody says, or served from a file.
+//! Raster tiles under the map: loaded by the browser from a given URL, or served from a file.
 
 use crate::mbtiles::Archive;
 use std::path::Path;

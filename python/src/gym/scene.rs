@@ -1,4 +1,4 @@
-//! A scene that nobody has seen before: wind, stack and plume drawn by a seed.
+//! A random scene: wind, stack and plume drawn by a seed.
 
 use air::geo::Enu;
 use air::isa::Atmosphere;
@@ -15,7 +15,7 @@ use scenario::random::stream;
 
 /// Radius of the circle around the stack in which the team may fly, m.
 pub(crate) const ARENA_M: f64 = 3000.0;
-/// Nobody flies nearer to the stack than this, m.
+/// Least distance of vehicles from the stack, m.
 pub(crate) const KEEP_OUT_M: f64 = 800.0;
 /// Lowest and highest height that can be asked for, m above ground.
 pub(crate) const HEIGHTS_M: [f64; 2] = [100.0, 700.0];

@@ -229,7 +229,7 @@ impl Search {
         }
     }
 
-    /// Whether nobody of the team flies on.
+    /// Whether no vehicle of the team is flying.
     pub(crate) fn is_over(&self, outcomes: &[Outcome]) -> bool {
         let flies_on = |(one, outcome): (&Searcher, &Outcome)| {
             one.flies && !outcome.terminated && !outcome.truncated

@@ -22,7 +22,7 @@ const WAIT_S: f64 = 4.0;
 const SATELLITES: u8 = 6;
 /// Charge with which a flight may begin, per cent, and with which it should.
 const BATTERY_PCT: (u8, u8) = (20, 50);
-/// Distance of the vehicle's home from the scenario's that is none, and that breaks its fence (`va`), m.
+/// Tolerated distance of the vehicle's home from the scenario's, and the one that breaks its fence (`va`), m.
 const HOME_M: (f64, f64) = (50.0, 500.0);
 /// Heights of SRTM are right to this in nine of ten cases, m (Farr et al. 2007, the mission's goal).
 const GROUND_M: f64 = 16.0;

@@ -41,7 +41,7 @@ pub struct GasInput {
 }
 
 impl GasInput {
-    /// Those of a gas that nobody has named otherwise: its formula in ppm, or with `_PPB` after it in ppb.
+    /// Default names for a gas: its formula in ppm, or with the suffix `_PPB` in ppb.
     pub fn of_formula(gas: Gas) -> Vec<Self> {
         let named = |after: &str, scale: f64| Self {
             name: format!("{}{after}", gas.formula()),

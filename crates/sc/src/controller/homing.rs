@@ -388,7 +388,7 @@ impl SquadronController {
         }
     }
 
-    /// Whether nobody is in the way down, and those who land before will have left the circle.
+    /// Whether the way down is free, and vehicles that land before will have left the circle.
     fn may_land(&self, next: usize, now: SimTime) -> bool {
         let height_m = self.fleet.vehicles[next].above_home_m();
         if height_m.is_none_or(|h| h > self.lowest_wait_m(next) + LAND_FROM_M) {

@@ -35,7 +35,7 @@ const STRAY_PART: f64 = 0.03;
 const ALL_STRAY_PART: f64 = 0.1;
 
 impl OfPlatform<'_> {
-    /// Leaves out and says rows of which nobody knows where they were.
+    /// Ignores rows without a valid position and reports them.
     pub(super) fn places(&mut self, base: &DispersionSpec, frame: &LocalFrame) {
         self.far(base, frame);
         self.underground(base, frame);

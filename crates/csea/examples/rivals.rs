@@ -1,4 +1,4 @@
-//! All strategies against the straight flight of somebody who knows.
+//! All strategies against the straight flight to the known peak.
 //!
 //! ```sh
 //! cargo run --release -p csea --example rivals            # 20 seeds

@@ -572,7 +572,7 @@ fn what_has_to_hold_holds(
     Err(broken.join("\n").into())
 }
 
-/// The first tier breaks six missions, the second sixty others, in six parts.
+/// The first tier breaks three missions, the second sixty-three others, in seven parts.
 pub fn tests() -> Vec<Test> {
     let breaks = |seeds: RangeInclusive<u64>, late_network: bool| {
         let (first, last) = (seeds.start(), seeds.end());
@@ -591,7 +591,8 @@ pub fn tests() -> Vec<Test> {
         Spends::RealTime,
         only_who_is_cut_off_comes_home_by_itself,
     );
-    let few = (1..=6).map(|seed| breaks(seed..=seed, false));
+    let few = (1..=3).map(|seed| breaks(seed..=seed, false));
+    let three = breaks(4..=6, false).of_second_tier("second tier: three missions");
     let many = (0..6).map(|part| {
         let first = 7 + 10 * part;
         breaks(first..=first + 9, false).of_second_tier("second tier: ten missions")
@@ -602,6 +603,7 @@ pub fn tests() -> Vec<Test> {
     ];
     std::iter::once(cut_off)
         .chain(few)
+        .chain([three])
         .chain(many)
         .chain(late)
         .collect()

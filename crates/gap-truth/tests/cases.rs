@@ -102,16 +102,18 @@ fn a_stronger_effect_is_farther_from_the_control() {
         PlumeEffect::BackgroundDrift,
         PlumeEffect::SlowSwing,
     ] {
+        // The control is the same for every strength.
+        let plain = readings(&control(&CaseSpec::one(4, effect, 1.0)).observations);
         let miss = |strength: f64| {
             let spec = CaseSpec::one(4, effect, strength);
-            let pairs = readings(&Case::make(&spec).observations)
-                .into_iter()
-                .zip(readings(&control(&spec).observations));
-            pairs
+            let read = readings(&Case::make(&spec).observations);
+            read.iter()
+                .zip(&plain)
                 .map(|(a, b)| (a.unwrap_or(0.0) - b.unwrap_or(0.0)).powi(2))
                 .sum::<f64>()
         };
-        assert!(miss(1.0) < miss(3.0) && miss(3.0) < miss(8.0), "{effect}");
+        let misses = [1.0, 3.0, 8.0].map(miss);
+        assert!(misses.is_sorted_by(|a, b| a < b), "{effect}: {misses:?}");
     }
 }
 

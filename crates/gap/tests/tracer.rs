@@ -7,11 +7,11 @@ use gap::tracer::table::Tables;
 use gap::tracer::{TracerReport, analyse};
 use gap::verdict::Verdict;
 use made::{Hidden, made};
+use std::ops::Range;
 use told::{report, vertical};
 
-#[test]
-fn nothing_hidden_nothing_found() {
-    for seed in 0..2 {
+fn nothing_is_found_for(seeds: Range<u64>) {
+    for seed in seeds {
         for stable in [false, true] {
             let report = report(&made(Hidden::default(), stable, seed));
             assert_eq!(
@@ -22,6 +22,17 @@ fn nothing_hidden_nothing_found() {
             );
         }
     }
+}
+
+#[test]
+fn nothing_hidden_nothing_found() {
+    nothing_is_found_for(0..1);
+}
+
+#[test]
+#[ignore = "second tier: more of the same"]
+fn nothing_hidden_nothing_found_of_another_seed() {
+    nothing_is_found_for(1..2);
 }
 
 #[test]
@@ -188,9 +199,8 @@ fn named_alone(report: &TracerReport) -> Vec<&str> {
     alone.map(|c| c.mechanisms[0].as_str()).collect()
 }
 
-#[test]
-fn a_name_holds_its_probability() {
-    for seed in 20..22 {
+fn names_hold_their_probability_for(seeds: Range<u64>) {
+    for seed in seeds {
         for stable in [false, true] {
             let hidden = Hidden {
                 growth: 0.08,
@@ -214,25 +224,46 @@ fn a_name_holds_its_probability() {
 }
 
 #[test]
-fn a_hidden_factor_on_the_width_is_no_growth() {
+fn a_name_holds_its_probability() {
+    names_hold_their_probability_for(20..21);
+}
+
+#[test]
+#[ignore = "second tier: more of the same"]
+fn a_name_holds_its_probability_of_another_seed() {
+    names_hold_their_probability_for(21..22);
+}
+
+/// How many of `seeds` name a hidden factor on the width; it is the first cause in each.
+fn named_of_a_factor_on_the_width(seeds: Range<u64>) -> usize {
     let hidden = Hidden {
         log_width: 0.4,
         ..Hidden::default()
     };
-    // A growth that is worth a nat by chance, in one of six, keeps the name from the factor.
-    let mut named = 0;
-    for seed in 36..42 {
+    let named = seeds.filter(|&seed| {
         let report = report(&made(hidden, false, seed));
         let cause = &report.gap.causes[0];
         assert_eq!(cause.mechanisms[0], "sigma-y-scale", "{cause:?}");
-        named += usize::from(report.gap.verdict == Verdict::Named);
-    }
-    assert!(named >= 4, "{named}");
+        report.gap.verdict == Verdict::Named
+    });
+    named.count()
 }
 
 #[test]
-fn another_law_of_spread_is_no_loss() {
-    for seed in 0..2 {
+fn a_hidden_factor_on_the_width_is_no_growth() {
+    named_of_a_factor_on_the_width(36..38);
+}
+
+// A growth that is worth a nat by chance, in one of six, keeps the name from the factor.
+#[test]
+#[ignore = "second tier: six seeds"]
+fn a_hidden_factor_on_the_width_is_named_in_two_of_three() {
+    let named = named_of_a_factor_on_the_width(36..42);
+    assert!(named >= 4, "{named}");
+}
+
+fn another_law_of_spread_is_no_loss_for(seeds: Range<u64>) {
+    for seed in seeds {
         let hidden = Hidden {
             similarity: true,
             ..Hidden::default()
@@ -245,6 +276,17 @@ fn another_law_of_spread_is_no_loss() {
             report.gap.summary
         );
     }
+}
+
+#[test]
+fn another_law_of_spread_is_no_loss() {
+    another_law_of_spread_is_no_loss_for(0..1);
+}
+
+#[test]
+#[ignore = "second tier: more of the same"]
+fn another_law_of_spread_is_no_loss_of_another_seed() {
+    another_law_of_spread_is_no_loss_for(1..2);
 }
 
 type Slip = fn(&mut Tables);

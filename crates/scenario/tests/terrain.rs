@@ -5,6 +5,7 @@ use air::terrain::Terrain;
 use proptest::prelude::*;
 use scenario::Scenario;
 use scenario::airspace::Airspace;
+use std::sync::LazyLock;
 
 const MOUNTAINS: &str = include_str!("../../../scenarios/mountains.toml");
 const GROUND: &[u8] = include_bytes!("../../../scenarios/mountains.asc");
@@ -12,7 +13,7 @@ const GROUND: &[u8] = include_bytes!("../../../scenarios/mountains.asc");
 const CLIMB: f64 = 7.0;
 const SINK: f64 = 20.0;
 
-fn over_mountains() -> (Airspace, Terrain, Scenario) {
+static OVER_MOUNTAINS: LazyLock<(Airspace, Terrain, Scenario)> = LazyLock::new(|| {
     let scenario = Scenario::parse("m.toml", MOUNTAINS).unwrap();
     let site = Geodetic {
         lat_deg: scenario.site.lat_deg,
@@ -21,7 +22,7 @@ fn over_mountains() -> (Airspace, Terrain, Scenario) {
     let terrain = Terrain::read("m.asc", GROUND, site, 600.0).unwrap();
     let airspace = Airspace::of(&scenario).unwrap().over(&terrain);
     (airspace, terrain, scenario)
-}
+});
 
 /// Flies a leg of a way: to its height at once, and on only from high enough.
 fn lowest_over_ground_m(
@@ -58,7 +59,7 @@ proptest! {
         from in (-3000.0..3500.0f64, -2500.0..3500.0f64, 0.0..1.0f64),
         to in (-3000.0..3500.0f64, -2500.0..3500.0f64, 0.0..1.0f64),
     ) {
-        let (airspace, terrain, scenario) = over_mountains();
+        let (airspace, terrain, scenario) = &*OVER_MOUNTAINS;
         let place = |(east_m, north_m, share): (f64, f64, f64)| {
             let at = Enu { east_m, north_m };
             let (floor_m, ceiling_m) = airspace.heights_at_amsl_m(at);
@@ -69,14 +70,14 @@ proptest! {
         prop_assert_eq!(legs.len(), 1);
         prop_assert_eq!(legs[0].last().copied(), Some(to));
         // A vehicle may go on from 12 m too low; the floor counts from the highest ground within 120 m.
-        let lowest_m = lowest_over_ground_m(&airspace, &terrain, from, &legs[0]);
+        let lowest_m = lowest_over_ground_m(airspace, terrain, from, &legs[0]);
         prop_assert!(lowest_m >= scenario.fence.floor_agl_m - 12.0, "{}", lowest_m);
     }
 }
 
 #[test]
 fn floor_and_ceiling_count_from_the_ground_below() {
-    let (airspace, terrain, scenario) = over_mountains();
+    let (airspace, terrain, scenario) = &*OVER_MOUNTAINS;
     // On the slope north-west of the valley.
     let at = Enu {
         east_m: -1100.0,

@@ -196,6 +196,7 @@ pub fn tune(
     };
     let (found, history) = search.run(progress)?;
     let found = match found {
+        Some(gains) if gains == before.gains => before.clone(),
         Some(gains) => judge(aircraft, order, &gains)?,
         None => return Err(no_margins(&before, order)),
     };

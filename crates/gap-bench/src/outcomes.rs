@@ -97,6 +97,7 @@ mod tests {
     fn an_interrupted_benchmark_goes_on_where_it_was() {
         let mut tasks = gap_bench::plan(1, 0);
         tasks.retain(|t| t.row().starts_with("damaged"));
+        tasks.truncate(3);
         let mut options = gap_bench::Options::new(tasks);
         let folder = std::env::temp_dir().join(format!("plumage-outcomes-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();

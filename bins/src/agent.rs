@@ -218,7 +218,7 @@ impl BusArguments {
 fn identity(setup: &Setup) -> MissionIdentity {
     let scenario = &setup.scenario;
     let mut same = scenario.clone();
-    // Told apart, or of no matter to who only looks on.
+    // Compared separately, or irrelevant to observers.
     (same.mission.seed, same.mission.duration_s) = (0, 0.0);
     let mut bytes = same.to_toml().into_bytes();
     // Reported weather may be written anew while the team flies.
@@ -268,14 +268,14 @@ fn block_on_until(
     })
 }
 
-/// A member of the team in this process, with what is not a bus around it.
+/// A member of the team in this process, with its links and displays.
 pub struct HostedMember {
     member: Member,
     /// The links of a real vehicle.
     links: Vec<LinkAddress>,
     /// The key shared with it.
     signing_key: Option<SigningKey>,
-    /// Where FlightGear shows it.
+    /// Address of its FlightGear.
     flightgear: Option<String>,
     /// The file of reported weather that the world goes by.
     weather: Option<WeatherFile>,
@@ -311,7 +311,7 @@ pub struct VehicleOptions {
     pub flightgear: Vec<String>,
     /// Links of the vehicles, whatever their kind; where empty those of the scenario.
     pub links: Vec<LinkAddress>,
-    /// What else is otherwise about a link.
+    /// Further options of a link.
     pub link_options: LinkOptions,
     /// The key shared with it.
     pub signing_key: Option<SigningKey>,
@@ -397,7 +397,7 @@ fn run_hosted(
         async {
             let mut net = arguments.open_as(setup, keeps_time, &ids).await?;
             eprintln!("{who} joins mission {}", setup.scenario.mission.name);
-            // Who only listens waits for nobody.
+            // A listen-only process does not wait for others.
             let watch = match hosted.iter().any(|a| a.alone.is_some()) {
                 true => None,
                 false => Some(presence::watch(
@@ -508,18 +508,18 @@ async fn fly_in_real_time(
 /// Polling interval for interrupts.
 const INTERRUPTED_AFTER: Duration = Duration::from_millis(50);
 
-/// How long a real aircraft that was put in a simulated one's place may stay unheard, ns: a radio's search and an
+/// Time limit for the first frame of a real aircraft that replaces a simulated one, ns: a radio's search and an
 /// autopilot's start take some 10 s.
 const HEARD_WITHIN_NS: i64 = 30_000_000_000;
 
-/// A simulated member that waits whether the real one in its place is heard.
+/// A simulated member that waits for the first frame of its real replacement.
 struct Replaced {
     member: Member,
     link: String,
     until: SimTime,
 }
 
-/// What is around the members of the team in this process.
+/// Links and displays of the members in this process.
 struct Around<'a> {
     setup: &'a Setup,
     clock: MissionClock,
@@ -532,20 +532,20 @@ struct Around<'a> {
     links: Links,
     /// The number of each member among the links.
     served: Vec<Option<usize>>,
-    /// What a person types, and what he has typed since the last tick, for all vehicles.
+    /// Commands typed at the terminal since the last tick, for all vehicles.
     typed: Option<mpsc::Receiver<String>>,
     words: Vec<String>,
     first_served: Option<usize>,
-    /// Simulated members that real ones have replaced and that are not heard yet.
+    /// Simulated members whose real replacements are not received yet.
     replaced: Vec<Option<Replaced>>,
-    /// Real aircraft in whose places simulated members fly, as long as they get the heartbeat.
+    /// Real aircraft that simulated members have replaced and that still get the heartbeat.
     released: Vec<Option<Released>>,
     weather: Vec<Option<WeatherFile>>,
     viewers: Vec<Option<Viewer>>,
 }
 
 impl Around<'_> {
-    /// Moves what is on the links of the `k`-th member; true if something has come.
+    /// Transfers bytes on the links of the `k`-th member; true if some arrived.
     fn serve(&mut self, k: usize, member: &mut Member) -> bool {
         match (self.served[k], member) {
             (Some(user), Member::Real(vehicle)) => vehicle
@@ -613,7 +613,7 @@ impl Around<'_> {
         eprintln!("vehicle {}: {words}", member.id().name());
     }
 
-    /// Ends the heartbeat to the real aircraft in whose place the `k`-th member flies; false if there is none.
+    /// Ends the heartbeat to the real aircraft that the `k`-th member has replaced; false if there is none.
     fn end_heartbeat(&mut self, k: usize) -> bool {
         let released = self.released[k].take();
         let ended = released.is_some();
@@ -623,7 +623,7 @@ impl Around<'_> {
         ended
     }
 
-    /// Keeps up the heartbeat to a real aircraft that was released, until its pilot's station is heard or the operator
+    /// Continues the heartbeat to a released real aircraft until its pilot's station is received or the operator
     /// ends it.
     fn check_released(&mut self, k: usize, member: &mut Member) {
         let asked = member.take_release();
@@ -645,7 +645,7 @@ impl Around<'_> {
         }
     }
 
-    /// Looks whether a real aircraft that was put in a simulated one's place is heard in time.
+    /// Checks that a real replacement of a simulated aircraft is received in time.
     fn check_replaced(&mut self, k: usize, member: &mut Member) {
         let heard = matches!(member, Member::Real(vehicle) if vehicle.is_heard());
         if heard {

@@ -22,12 +22,12 @@ const STANDARD_INPUT: &str = "-";
 /// Id of a vehicle whose lines come from standard input.
 const STREAM_ID: &str = "feed";
 
-/// When the first row is said.
+/// Time at which the first row is published.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Start {
     /// At this mission time, s.
     At(f64),
-    /// When the rows themselves say, in seconds since the mission's start.
+    /// The times in the rows, seconds since the mission's start.
     File,
 }
 
@@ -44,7 +44,7 @@ impl FromStr for Start {
     }
 }
 
-/// What is fed in, and how.
+/// Input and timing of fed observations.
 #[derive(Debug, Clone, Copy)]
 pub struct FeedOptions<'a> {
     /// Files, or standard input as `-`.
@@ -53,9 +53,9 @@ pub struct FeedOptions<'a> {
     pub map: Option<&'a Path>,
     /// Id of the vehicle.
     pub id: Option<&'a str>,
-    /// When the first row is said; when it comes where not given.
+    /// Time at which the first row is published; at its arrival if not given.
     pub start: Option<Start>,
-    /// How fast rows are said.
+    /// Speed of publication.
     pub speed: Speed,
 }
 
@@ -87,7 +87,7 @@ fn feed_times(
     }
 }
 
-/// Files that are read and checked, ready to be said.
+/// Files that are read and checked.
 pub struct FeedFiles {
     observations: Observations,
     ids: Vec<String>,
@@ -395,7 +395,7 @@ fn standard_input() -> Receiver<String> {
             .read_until(b'\n', &mut line)
             .is_ok_and(|read| read > 0)
         {
-            // What is no UTF-8 is shown where the line is refused.
+            // Invalid UTF-8 appears in the error of its line.
             let text = String::from_utf8_lossy(&line).trim_end().to_owned();
             if sender.send(text).is_err() {
                 return;

@@ -9,7 +9,7 @@ use protocol::SimTime;
 use protocol::message::Severity;
 use std::collections::VecDeque;
 
-/// Links, and who is on which.
+/// Links and their vehicles.
 #[derive(Debug, Default)]
 pub struct Links {
     open: Vec<OpenLink>,
@@ -32,9 +32,9 @@ struct User {
     system: Option<u8>,
     /// Its links in `open`, in its own order.
     links: Vec<usize>,
-    /// What has come for it and was not handed to it yet.
+    /// Received bytes that wait for it.
     waiting: VecDeque<(usize, Vec<u8>)>,
-    /// What its bridge should know of its links and was not handed to it yet.
+    /// Notices about its links that wait for its bridge.
     notices: Vec<String>,
 }
 
@@ -168,7 +168,7 @@ impl Links {
                     user.waiting.push_back((*k, bytes));
                     continue;
                 }
-                // Somebody else's, such as another ground station's: for all.
+                // From another system, such as a ground station: for all.
                 for (user, k) in &mut on_it {
                     user.waiting.push_back((*k, bytes.clone()));
                 }

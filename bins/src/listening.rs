@@ -12,7 +12,7 @@ use protocol::{Agent as _, Event, Message, Outbox, SimTime};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Time between two looks at the links.
+/// Polling interval of the links.
 const LOOK: Duration = Duration::from_millis(20);
 /// Time between two lines on how a vehicle is.
 const LINE: Duration = Duration::from_secs(5);
@@ -63,7 +63,7 @@ struct Listener {
     next_line: SimTime,
 }
 
-/// What it said last.
+/// Its last report.
 #[derive(Default)]
 struct Heard {
     state: Option<State>,

@@ -1,5 +1,5 @@
-//! Who is missing on the bus, said aloud: a wrong password, a wrong endpoint or a process that was
-//! not started look alike from inside, as silence.
+//! Reports of agents that are missing on the bus: a wrong password, a wrong endpoint and a process that was
+//! not started have the same symptom, silence.
 
 use crate::Failure;
 use mission::{Setup, team};
@@ -14,7 +14,7 @@ use tokio::task::JoinHandle;
 
 /// Time after which missing processes are reported.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// How often those who are still missing are named.
+/// Interval at which missing agents are reported again.
 const AGAIN: Duration = Duration::from_secs(15);
 /// How often is looked.
 const LOOK: Duration = Duration::from_millis(500);
@@ -54,7 +54,7 @@ pub fn watch(
                 (wait, waited) = (PATIENCE, Duration::ZERO);
             }
             let missing: Vec<&str> = others.difference(&present).map(String::as_str).collect();
-            // A team is those who take in what the others say.
+            // Agents in other runs do not receive the team's messages.
             if missing.is_empty() && told && presence.is_one_run(&others) {
                 told = false;
                 eprintln!("the team is complete");
@@ -85,7 +85,7 @@ fn words(present: &BTreeSet<String>, missing: &[&str], connects_to: &str) -> Str
 pub struct Change {
     /// How much it matters.
     pub severity: Severity,
-    /// What it is, as the code of an event.
+    /// The code of its event.
     pub code: &'static str,
     /// In words.
     pub text: String,
@@ -204,7 +204,7 @@ mod tests {
         };
         let none: [&str; 0] = [];
         assert_eq!(told(&["sc/main", "va/1"], 10.0), none);
-        // Who never came is given some time.
+        // An agent that was never present has some time to appear.
         assert_eq!(
             told(&["sc/main", "va/1"], 15.0),
             ["va/2 is missing: no heartbeat since 10 s of mission time"]

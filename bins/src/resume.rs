@@ -1,4 +1,4 @@
-//! What an agent goes on with whose process is started again while its mission flies in real time.
+//! Restores the state of an agent whose process restarts during a mission in real time.
 
 use crate::Failure;
 use mission::swap::LastHeard;
@@ -7,7 +7,7 @@ use net::Net;
 use protocol::key::AgentKind;
 use protocol::{Agent as _, Message, SimTime, Topic};
 
-/// Lets `member` go on at `now` with what others remember of it, and says so; nothing where nobody does.
+/// Restores `member` at `now` from the memory of others, and reports it; does nothing without an answer.
 ///
 /// # Errors
 /// A vehicle that is lost, or a bus that fails.

@@ -1,5 +1,5 @@
-//! A vehicle that is not of the team and that nobody here sends anywhere: what it read, and where, comes
-//! as observations. On the bus it looks as any real vehicle under its pilot does.
+//! A vehicle outside the team, which receives no setpoints: its readings and positions come
+//! from observations. On the bus it appears as a real vehicle under its pilot.
 
 use crate::{MissionError, Setup};
 use air::geo::{Enu, Geodetic, LocalFrame};
@@ -11,23 +11,23 @@ use protocol::{Agent, AgentId, Event, Interest, Message, Outbox, SimTime, Topic}
 use scenario::observations::ObservationRow;
 use std::collections::VecDeque;
 
-/// Higher above ground than this it flies, m: beyond what a fix is off in height while it stands.
+/// Height above ground from which it counts as flying, m: above the error of a fix at rest.
 const AIRBORNE_ABOVE_M: f64 = 5.0;
 /// Slower than this it keeps the heading it had: the course is noise, m/s.
 const COURSE_FROM_M_S: f64 = 1.0;
 
-/// When the rows of a file or stream are said in the mission, and when they count as read.
+/// Times at which rows of a file or stream are published in the mission, and times of their readings.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FeedTimes {
     /// Time of the first row by its own clock, s.
     pub first_s: f64,
-    /// When the first row is said, and counts as read.
+    /// Time of publication and reading of the first row.
     pub start: SimTime,
-    /// How much faster than they were read the rows are said; infinite: one a tick.
+    /// Ratio of publication speed to reading speed; infinite: one row a tick.
     pub speed: f64,
     /// Length of a tick, ns.
     pub tick_ns: i64,
-    /// Rows said so far.
+    /// Rows published so far.
     pub said: i64,
 }
 
@@ -55,7 +55,7 @@ pub struct FedVehicle {
     name: Name,
     frame: LocalFrame,
     terrain: Terrain,
-    /// What is to be said, and when, in order.
+    /// Messages to publish with their times, in order.
     waiting: VecDeque<(SimTime, Message)>,
     last: Option<(ObservationRow, State)>,
 }
@@ -88,7 +88,7 @@ impl FedVehicle {
         })
     }
 
-    /// A row that is `said`, and counts as `read`, at these times. Rows come in order of time.
+    /// Adds a row with its times of publication (`said`) and reading (`read`). Rows come in order of time.
     pub fn push(&mut self, (said, read): (SimTime, SimTime), row: &ObservationRow) {
         if self.last.is_none() {
             let mode = Mode {
@@ -106,17 +106,17 @@ impl FedVehicle {
         }
     }
 
-    /// Something that it said in a recorded mission, to be said again.
+    /// Adds a message of a recorded mission, to publish it again.
     pub fn repeat(&mut self, said: SimTime, message: Message) {
         self.waiting.push_back((said, message));
     }
 
-    /// Whether all has been said.
+    /// Whether all messages are published.
     pub fn has_said_all(&self) -> bool {
         self.waiting.is_empty()
     }
 
-    /// Where it is by a row, and how it has moved there since the row before.
+    /// The state of a row: its position, and the motion since the row before.
     fn state(&self, row: &ObservationRow) -> State {
         let (velocity, heading_deg) = self.motion(row);
         let [north, east, _] = velocity;
@@ -169,7 +169,7 @@ fn geodetic(row: &ObservationRow) -> Geodetic {
     Geodetic::new(row.lat_deg, row.lon_deg)
 }
 
-/// What was read by a row, if anything was.
+/// The reading of a row, if any.
 fn reading(row: &ObservationRow, said: SimTime, read: SimTime) -> Option<Reading> {
     Some(Reading {
         kind: VehicleKind::Real,

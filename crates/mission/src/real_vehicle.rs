@@ -22,7 +22,7 @@ use va::{
     BridgedVehicle, OuterLoop, SafetyMonitor, VehicleBackend, VehicleReport, VirtualAircraft,
 };
 
-/// What is at the far end of the MAVLink link.
+/// The other end of the MAVLink link.
 enum FarEnd {
     /// A stand-in in this process.
     StandIn(Box<StandIn>),
@@ -42,20 +42,20 @@ pub struct LinkBuffers {
     /// What came over a link that several vehicles share and was no frame of anybody's, so that it is not among
     /// the bytes: so far, and for one of the vehicles alone.
     pub no_frames: LinkStatistics,
-    /// What the team should know of the links, such as a sender that is ignored.
+    /// Notices about the links for the team, such as an ignored sender.
     pub notices: Vec<String>,
-    /// What happened and a person at the vehicle should know at once.
+    /// Notices for the person at the vehicle.
     pub news: Vec<EventMessage>,
 }
 
-/// What the owner of a link says otherwise than the scenario.
+/// Options of a link that replace the scenario's.
 #[derive(Debug, Clone, Default)]
 pub struct LinkOptions {
     /// Whether the bridge may arm the motor; also if the scenario allows it.
     pub may_arm: bool,
     /// Nothing at all is sent to the vehicle.
     pub listen_only: bool,
-    /// Nothing but questions is sent to it; what else would be is told.
+    /// Send only requests; log every other frame.
     pub dry_run: bool,
     /// Whether parameters that the checklist finds wrong are set on board.
     pub set_parameters: bool,
@@ -74,14 +74,14 @@ pub struct RealVehicle {
     va: VirtualAircraft,
     name: Name,
     bridge: Bridge,
-    /// Where the team's outer loop flies it.
+    /// The team's outer loop, if that steers it.
     outer_loop: Option<OuterLoop>,
     far_end: FarEnd,
     output: BridgeOutput,
     handed_back: bool,
-    /// When it is told again how the vehicle is.
+    /// Time of the next health message.
     next_health: SimTime,
-    /// The mission is over; what is left is to bring the vehicle down.
+    /// The mission has ended; the vehicle still has to land.
     over: bool,
 }
 
@@ -96,7 +96,7 @@ impl RealVehicle {
         let name = setup.name_of(index)?;
         let rng = stream(scenario.mission.seed, &format!("stand-in/{name}"));
         let stand_in = StandIn::new(config, rng)?;
-        // Nobody stands beside a stand-in to arm it.
+        // No person arms a stand-in.
         let bridge = BridgeConfig {
             may_arm: true,
             vehicle_system_id: Some(stand_in.system_id()),
@@ -159,7 +159,7 @@ impl RealVehicle {
         })
     }
 
-    /// The MAVLink system that was asked for; none where the one that is heard is taken.
+    /// The configured MAVLink system id; none accepts the one received.
     pub fn system_id(&self) -> Option<u8> {
         self.bridge.system_id()
     }
@@ -169,7 +169,7 @@ impl RealVehicle {
         matches!(self.far_end, FarEnd::StandIn(_))
     }
 
-    /// Whether its autopilot was ever heard.
+    /// Whether its autopilot has been received.
     pub fn is_heard(&self) -> bool {
         self.bridge.is_heard()
     }
@@ -213,7 +213,7 @@ impl RealVehicle {
         is_missed && self.bridge.is_up()
     }
 
-    /// The aircraft alone, without its place in the team; none where it was never heard, or gets no heartbeat.
+    /// The aircraft without its place in the team; none if it was never received, or gets no heartbeat.
     pub fn release(self) -> Option<ReleasedAircraft> {
         match self.far_end {
             FarEnd::Link(link) if self.bridge.is_heard() && !self.bridge.is_onlooker() => {
@@ -223,7 +223,7 @@ impl RealVehicle {
         }
     }
 
-    /// Who flies, as it is said on the bus.
+    /// The control level as published on the bus.
     fn mode(&self) -> Mode {
         let mode = va::control::mode(self.bridge.control(), &self.bridge.doing());
         Mode {
@@ -241,7 +241,7 @@ impl RealVehicle {
         Some(Box::new(self.bridge.health(now)))
     }
 
-    /// One exchange over the link: what the vehicle said, then what it is told.
+    /// One exchange over the link: receives the vehicle's frames, then sends.
     fn exchange(&mut self, now: SimTime, out: &mut Outbox) {
         self.output.clear();
         if std::mem::take(&mut self.handed_back) {
@@ -278,7 +278,7 @@ impl RealVehicle {
                     now,
                     &mut self.output,
                 );
-                // Answers to what was just heard go out at the next exchange.
+                // Answers to frames just received are sent in the next exchange.
                 let answers = std::mem::take(&mut self.output.frames_to_vehicle);
                 for bytes in &stand_in.step(now, &answers) {
                     self.bridge.receive(bytes, now, &mut self.output);
@@ -294,7 +294,7 @@ impl RealVehicle {
                         text,
                     });
                 }
-                // What has arrived is heard before a silence is judged.
+                // Received frames are processed before a silence is judged.
                 for (link, bytes) in buffers.from_vehicle.drain(..) {
                     self.bridge
                         .receive_over(link, &bytes, now, &mut self.output);
@@ -357,7 +357,7 @@ fn steer(
     }
 }
 
-/// What the mission expects of the vehicle at `index`.
+/// The mission's expectations of the vehicle at `index`.
 fn expectation(setup: &Setup, index: usize) -> Result<Expectation, MissionError> {
     let scenario = &setup.scenario;
     let stacks = scenario.sources.iter().map(|s| s.stack_height_m);
@@ -413,7 +413,7 @@ fn bridge_config(setup: &Setup, index: usize) -> Result<BridgeConfig, MissionErr
     })
 }
 
-/// Time between two tellings of how a real vehicle is, ns: its battery and its link change by the second.
+/// Interval of health messages, ns: battery and link change within seconds.
 const HEALTH_NS: i64 = 1_000_000_000;
 
 impl Agent for RealVehicle {

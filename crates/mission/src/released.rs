@@ -1,5 +1,5 @@
-//! A real aircraft in whose place a simulated one flies on: nobody of the team commands it, but its failsafe still
-//! listens for the bridge's heartbeat, which goes on until the pilot's own ground station is there.
+//! A real aircraft that a simulated one has replaced. The team does not command it, but its failsafe still
+//! monitors the bridge's heartbeat, which continues until the pilot's own ground station is present.
 
 use crate::real_vehicle::LinkBuffers;
 use mav_bridge::{Bridge, BridgeOutput};
@@ -26,12 +26,12 @@ impl ReleasedAircraft {
         &mut self.link
     }
 
-    /// Whether it is in the air or armed, as far as it was heard.
+    /// Whether it is in the air or armed, by its last telemetry.
     pub fn is_up(&self) -> bool {
         self.bridge.is_up()
     }
 
-    /// Lets time pass: the heartbeat goes out when it is due.
+    /// Advances time: sends the heartbeat when due.
     pub fn tick(&mut self, now: SimTime) {
         for (link, bytes) in self.link.from_vehicle.drain(..) {
             self.bridge
@@ -45,7 +45,7 @@ impl ReleasedAircraft {
         self.output.clear();
     }
 
-    /// The ground station that has taken over its failsafe, by its MAVLink system, once one is heard.
+    /// MAVLink system id of the ground station that its failsafe now monitors, once received.
     pub fn pilots_station(&self, now: SimTime) -> Option<u8> {
         self.bridge.other_station(now)
     }

@@ -26,12 +26,12 @@ fn simulated_from(
     Ok(VirtualAircraft::new(setup.name_of(index)?, body, watch)?)
 }
 
-/// What was last heard of a vehicle or of the team by others, when its process starts again in the middle of a mission.
+/// The last messages of a vehicle or of the team, remembered by others for a process that restarts during a mission.
 #[derive(Debug, Clone, Default)]
 pub struct LastHeard {
-    /// The vehicle's last state, and when that was said.
+    /// The vehicle's last state, and its time.
     pub state: Option<(SimTime, State)>,
-    /// Who flew it.
+    /// Its control level.
     pub level: Option<ControlLevel>,
     /// The phase of the mission.
     pub phase: Option<Phase>,
@@ -87,7 +87,7 @@ impl Member {
                 ))),
                 _ => Ok(None),
             },
-            // A real vehicle knows itself where it is; the world and who is fed in begin anew.
+            // A real vehicle reports its own state; the world and fed vehicles begin anew.
             Self::Real(_) | Self::World(_) | Self::Fed(_) => Ok(None),
         }
     }
@@ -100,12 +100,12 @@ impl Member {
         }
     }
 
-    /// What the operator wants in this vehicle's place, once.
+    /// Takes the operator's order to replace this vehicle, once.
     pub fn take_swap(&mut self) -> Option<Swap> {
         self.aircraft_mut()?.take_swap()
     }
 
-    /// Whether the operator has ended the heartbeat to the real aircraft in whose place this vehicle flies, once.
+    /// Whether the operator has ended the heartbeat to the real aircraft that this vehicle replaces; true once.
     pub fn take_release(&mut self) -> bool {
         self.aircraft_mut()
             .is_some_and(VirtualAircraft::take_release)
@@ -120,7 +120,7 @@ impl Member {
         self.answer(made.is_ok(), code, text);
     }
 
-    /// Answers the operator on the bus whether the heartbeat to a released aircraft has ended.
+    /// Reports to the operator on the bus whether the heartbeat to a released aircraft has ended.
     pub fn answer_release(&mut self, ended: bool, text: &str) {
         let code = if ended { "released" } else { "release-refused" };
         self.answer(ended, code, text.to_owned());

@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// What a vehicle is made of.
+/// Kind of a vehicle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum VehicleKind {
@@ -16,7 +16,7 @@ pub enum VehicleKind {
     Real,
 }
 
-/// Where a vehicle is and how it moves (`va/<id>/state`).
+/// Position and motion of a vehicle (`va/<id>/state`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct State {
     /// Simulated or real.
@@ -43,7 +43,7 @@ pub struct State {
     pub airborne: bool,
 }
 
-/// What a vehicle's sensors read (`va/<id>/reading`).
+/// Readings of a vehicle's sensors (`va/<id>/reading`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Reading {
     /// Simulated or real: only real readings correct the world.
@@ -64,19 +64,19 @@ pub struct Reading {
     pub temperature_c: Option<f64>,
     /// Static pressure, hPa.
     pub pressure_hpa: Option<f64>,
-    /// When it was read, ns since the mission's start, where that is not when it is said.
+    /// Time of the reading, ns since the mission's start, if it differs from the time of publication.
     #[serde(default)]
     pub time_ns: Option<i64>,
 }
 
 impl Reading {
-    /// When it was read, if it was said at `said`.
+    /// Time of the reading, if it was published at `said`.
     pub fn read_at(&self, said: SimTime) -> SimTime {
         self.time_ns.map_or(said, SimTime::from_ns)
     }
 }
 
-/// Who flies a vehicle.
+/// Control level of a vehicle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ControlLevel {
@@ -88,10 +88,10 @@ pub enum ControlLevel {
     Guardian,
 }
 
-/// Who flies a vehicle and what became of the last setpoint (`va/<id>/mode`).
+/// Control level of a vehicle and outcome of the last setpoint (`va/<id>/mode`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Mode {
-    /// Who flies.
+    /// The control level.
     pub level: ControlLevel,
     /// Why, in words.
     pub reason: String,
@@ -99,27 +99,27 @@ pub struct Mode {
     pub setpoints_obeyed: bool,
 }
 
-/// How a real vehicle and the link to it are, as its autopilot tells (`va/<id>/health`), once a second. What it
-/// has not told is null.
+/// Health of a real vehicle and its link, from its autopilot (`va/<id>/health`), once a second. Unknown values
+/// are null.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Health {
     /// MAVLink system of its autopilot.
     pub system_id: Option<u8>,
     /// MAVLink component of its autopilot.
     pub component_id: Option<u8>,
-    /// What people call the autopilot, such as "ArduPlane".
+    /// Name of the autopilot, such as "ArduPlane".
     pub autopilot: String,
     /// Its flight mode.
     pub flight_mode: Option<String>,
     /// Whether its motor may turn.
     pub armed: Option<bool>,
-    /// What is left in its battery, percent.
+    /// Remaining charge of its battery, percent.
     pub battery_percent: Option<u8>,
     /// Voltage of its battery, V.
     pub battery_v: Option<f64>,
-    /// Satellites that its position comes from.
+    /// Satellites used for its position.
     pub satellites: Option<u8>,
-    /// How long it has not been heard, s.
+    /// Time since it was last received, s.
     pub silent_s: Option<f64>,
     /// Frames that came whole.
     pub frames: u64,
@@ -131,22 +131,22 @@ pub struct Health {
     pub refused_frames: u64,
     /// Whether the checklist before its take-off was gone through; null where none is kept.
     pub checked: Option<bool>,
-    /// What of that list is not right.
+    /// Points of that list that are not met.
     pub findings: Vec<Finding>,
 }
 
 /// A point of the checklist before a take-off that is not right.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Finding {
-    /// What was looked at.
+    /// The point.
     pub about: String,
-    /// Whether there is no take-off while it is so; else a person should look.
+    /// Whether it prevents take-off; else it needs a person's attention.
     pub refused: bool,
-    /// What was found, and what would be right.
+    /// The value found and the value expected.
     pub says: String,
 }
 
-/// What an operator does to a vehicle's control level.
+/// An operator's command on a vehicle's control level.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ControlWish {
@@ -157,7 +157,7 @@ pub enum ControlWish {
     HandBack,
     /// The vehicle is to come home and land; one on the ground stays there.
     Home,
-    /// The heartbeat to the real aircraft in whose place a simulated one flies ends now.
+    /// End the heartbeat to the real aircraft that a simulated one has replaced.
     Release,
 }
 
@@ -172,7 +172,7 @@ pub struct Sticks {
     pub throttle: f64,
 }
 
-/// Who shall fly a vehicle (`va/<id>/control`).
+/// A command on the control of a vehicle (`va/<id>/control`).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Control {
     /// Takeover, hand-back, the way home, or the release of a real aircraft.
@@ -183,7 +183,7 @@ pub struct Control {
     pub sticks: Option<Sticks>,
 }
 
-/// What flies a vehicle of the team from now on (`va/<id>/swap`).
+/// The replacement of a vehicle by another aircraft (`va/<id>/swap`).
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Swap {
     /// The MAVLink link of the real aircraft that takes its place, such as `udpin:0.0.0.0:14550`; none: a simulated
@@ -194,7 +194,7 @@ pub struct Swap {
     pub may_arm: bool,
 }
 
-/// Where a search strategy outside the program wants a vehicle to look next (`va/<id>/destination`): the squadron
+/// The next target for a vehicle from an external search strategy (`va/<id>/destination`): the squadron
 /// controller sends it there, within its own rules, while `search.strategy` is `outside`. A simulated vehicle that
 /// an operator has taken over flies there itself, and circles there until its sticks are moved or it is handed
 /// back.
@@ -229,12 +229,12 @@ pub struct EventMessage {
     pub severity: Severity,
     /// Short stable code, kebab-case.
     pub code: String,
-    /// What happened, in words.
+    /// The event as text.
     pub text: String,
 }
 
 impl EventMessage {
-    /// An event with its stable code and what happened in words.
+    /// An event with its stable code and its text.
     pub fn new(severity: Severity, code: &str, text: impl Into<String>) -> Self {
         Self {
             severity,
@@ -258,7 +258,7 @@ pub enum PathKind {
     Land,
 }
 
-/// Where a vehicle shall fly (`va/<id>/setpoint`).
+/// The flight path that a vehicle shall follow (`va/<id>/setpoint`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Setpoint {
     /// The path.
@@ -418,12 +418,12 @@ pub struct Model {
     pub mechanisms: Vec<MechanismSetting>,
     /// The highest concentration where set-points may go; none before anything was read.
     pub peak: Option<Peak>,
-    /// What the sources emit, as far as the readings tell.
+    /// Emission rates of the sources, estimated from the readings.
     #[serde(default)]
     pub flux: Vec<Flux>,
 }
 
-/// The wind that the world goes by from now on, where what is known of it has changed (`ws/main/weather`).
+/// The wind of the simulated world from now on, published after a change (`ws/main/weather`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Weather {
     /// The wind over time at the scenario's `wind_height_agl_m`, in order of time: between two rows the vector
@@ -440,7 +440,7 @@ pub struct WindRow {
     pub wind_ne_m_s: [f64; 2],
 }
 
-/// What a source emits.
+/// Emission rate of a source.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Flux {
     /// The source's name; of several that were weighed together all names, with [`Flux::AND`] between them.
@@ -462,7 +462,7 @@ impl Flux {
 pub enum FluxMethod {
     /// From the corrected model and the wind that was measured.
     Inference,
-    /// From the balance of what flows through a curtain of passes downwind.
+    /// Mass balance through a curtain of passes downwind.
     MassBalance,
 }
 
@@ -495,7 +495,7 @@ pub struct Observation {
     pub vehicle: String,
     /// When it was read, ns since the mission's start.
     pub time_ns: i64,
-    /// What was read.
+    /// The reading.
     pub reading: Reading,
 }
 
@@ -505,9 +505,9 @@ pub struct Observation {
 pub enum Phase {
     /// Taking off and climbing.
     TakeOff,
-    /// Real vehicles look for the plume, of which nothing was read yet.
+    /// Real vehicles search for the plume, which no reading has shown yet.
     Preliminary,
-    /// The plume was read: real vehicles fly passes until they show where it lies, the others look for the peak.
+    /// Readings show the plume: real vehicles fly passes until it is located, the others search for the peak.
     Search,
     /// Passes through the peak of the plume that was located.
     Characterise,
@@ -519,13 +519,13 @@ pub enum Phase {
 }
 
 impl Phase {
-    /// Whether the plume was looked for long enough that its peak can be told.
+    /// Whether the search lasted long enough to state the peak.
     pub fn has_searched(self) -> bool {
         !matches!(self, Self::TakeOff | Self::Preliminary)
     }
 }
 
-/// Where one vehicle is sent and why.
+/// Target and task of one vehicle.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Assignment {
     /// The vehicle.
@@ -544,7 +544,7 @@ pub struct Assignment {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum PeakStatus {
-    /// Real crossings there read what is predicted for them, within the combined uncertainty.
+    /// Readings of real crossings there agree with the prediction, within the combined uncertainty.
     Confirmed,
     /// Too few crossings there, but the plume reads as predicted where it was crossed.
     Supported,
@@ -578,7 +578,7 @@ pub struct Peak {
     /// Mission time for which it holds: when the plume was last met, s.
     #[serde(default)]
     pub time_s: f64,
-    /// How far readings stand behind it; doubtful where nobody asked.
+    /// Support by readings; doubtful if not checked.
     #[serde(default)]
     pub status: PeakStatus,
 }
@@ -588,7 +588,7 @@ pub struct Peak {
 pub struct Plan {
     /// Phase of the mission.
     pub phase: Phase,
-    /// Where the vehicles are sent.
+    /// Targets of the vehicles.
     pub assignments: Vec<Assignment>,
     /// Running estimate of the peak.
     pub peak: Option<Peak>,
@@ -597,7 +597,7 @@ pub struct Plan {
 /// A cause that the reality gap considers.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct GapCause {
-    /// Mechanisms that the readings cannot tell from each other: one of them.
+    /// Mechanisms that the readings cannot distinguish: one of them is the cause.
     pub mechanisms: Vec<String>,
     /// How probable it is, 0 to 1.
     pub probability: f64,
@@ -628,12 +628,12 @@ pub fn verdict_text(verdict: &str, causes: &[String]) -> String {
     }
 }
 
-/// What the reality gap says of the model, and whether it shall be adopted (`sc/main/extension`).
+/// Result of the reality gap analysis, and whether to adopt it (`sc/main/extension`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Extension {
     /// Verdict: none, named, ambiguous, unexplained or insufficient.
     pub verdict: String,
-    /// What may be the cause, the likeliest first.
+    /// Possible causes, the likeliest first.
     #[serde(default)]
     pub causes: Vec<GapCause>,
     /// Mechanisms to add.
@@ -650,7 +650,7 @@ pub type LastSequences = BTreeMap<String, u64>;
 pub struct Tick {
     /// Number of the tick.
     pub tick: u64,
-    /// What every agent must hold before it starts: last sequence per key of the tick before.
+    /// Messages that every agent must have received before it starts: last sequence per key of the tick before.
     pub expect: LastSequences,
     /// The run ends with this tick.
     pub last: bool,

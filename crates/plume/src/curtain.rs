@@ -103,14 +103,46 @@ pub struct CurtainFlux {
 }
 
 /// A straight way across the wind at one height.
-#[derive(Debug, Clone)]
-struct Pass {
-    height_agl_m: f64,
-    distance_m: f64,
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pass {
+    /// Its first and last sample, s.
+    pub time_s: [f64; 2],
+    /// Mean height above ground, m.
+    pub height_agl_m: f64,
+    /// Mean distance from the source, m.
+    pub distance_m: f64,
     /// What flows through each metre of height, kg/(s m).
-    kg_s_m: f64,
+    pub kg_s_m: f64,
+    /// The integral of the excess over the way as a vector, east and north, kg/m².
+    pub along_kg_m2: [f64; 2],
+    /// Where the excess lies in the mean; none where nothing exceeds the background.
+    pub centroid: Option<Enu>,
     /// Bearing from the source of each part with what flows there, degrees and kg/(s m).
     parts: Vec<(f64, f64)>,
+}
+
+/// A way across the wind that is no pass, and why.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RejectedPass {
+    /// Its first and last sample, s.
+    pub time_s: [f64; 2],
+    /// Mean distance from the source, m.
+    pub distance_m: f64,
+    /// The condition that is not met.
+    pub reason: &'static str,
+}
+
+/// A mass balance with the passes that it rests on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Curtain {
+    /// What flows through it.
+    pub flux: CurtainFlux,
+    /// Its passes, with the part of the flux that each stands for, kg/s.
+    pub used: Vec<(Pass, f64)>,
+    /// What lies above the highest pass and below the lowest by the triangles at the ends, kg/s.
+    pub above_kg_s: f64,
+    /// The same below the lowest.
+    pub below_kg_s: f64,
 }
 
 /// A height of a curtain.
@@ -131,10 +163,40 @@ pub fn mass_balance(
     site: &Site,
     wind: &dyn Fn(f64) -> WindVector,
 ) -> Option<CurtainFlux> {
-    let passes: Vec<Pass> = stretches(samples, wind)
-        .into_iter()
-        .filter_map(|s| Pass::of(s, site, wind))
-        .collect();
+    let (passes, _) = passes(samples, site, wind);
+    Some(curtain(&passes)?.flux)
+}
+
+/// All ways across the wind among `samples`, as of [`mass_balance`]: passes, and what is none.
+pub fn passes(
+    samples: &[Sample],
+    site: &Site,
+    wind: &dyn Fn(f64) -> WindVector,
+) -> (Vec<Pass>, Vec<RejectedPass>) {
+    let (mut passes, mut rejected) = (Vec::new(), Vec::new());
+    for stretch in stretches(samples, wind) {
+        match Pass::of(stretch, site, wind) {
+            Ok(pass) => passes.push(pass),
+            Err(reason) if stretch.len() >= LEAST_AT_END => rejected.push(RejectedPass {
+                time_s: [stretch[0].time_s, stretch[stretch.len() - 1].time_s],
+                distance_m: stretch
+                    .iter()
+                    .map(|s| {
+                        site.source
+                            .distance_m(Enu::new(s.place.east_m, s.place.north_m))
+                    })
+                    .sum::<f64>()
+                    / stretch.len() as f64,
+                reason,
+            }),
+            Err(_) => {}
+        }
+    }
+    (passes, rejected)
+}
+
+/// The curtain with the most heights among `passes`; none where none has the plume inside, or nothing flows through it.
+pub fn curtain(passes: &[Pass]) -> Option<Curtain> {
     let curtains = passes.iter().map(|nearest| {
         let far_m = SAME_DISTANCE * nearest.distance_m;
         let within = |p: &&Pass| (nearest.distance_m..=far_m).contains(&p.distance_m);
@@ -145,13 +207,23 @@ pub fn mass_balance(
         .filter(|(levels, _)| holds_the_plume(levels))
         .max_by_key(|(levels, passes)| (levels.len(), passes.len()))?;
     let distance_m = passes.iter().map(|p| p.distance_m).sum::<f64>() / passes.len() as f64;
-    let (kg_s, sd_kg_s) = integral(&levels)?;
-    Some(CurtainFlux {
-        kg_s,
-        sd_kg_s,
-        distance_m,
-        levels: levels.len(),
-        passes: passes.len(),
+    let whole = integral(&levels)?;
+    let share = |pass: &Pass| {
+        let off_m = |k: &usize| (levels[*k].height_agl_m - pass.height_agl_m).abs();
+        let level = (0..levels.len()).min_by(|a, b| off_m(a).total_cmp(&off_m(b)));
+        level.map_or(0.0, |k| whole.weights_m[k] * pass.kg_s_m / levels[k].passes)
+    };
+    Some(Curtain {
+        flux: CurtainFlux {
+            kg_s: whole.kg_s,
+            sd_kg_s: whole.sd_kg_s,
+            distance_m,
+            levels: levels.len(),
+            passes: passes.len(),
+        },
+        used: passes.iter().map(|p| ((*p).clone(), share(p))).collect(),
+        above_kg_s: whole.above_kg_s,
+        below_kg_s: whole.below_kg_s,
     })
 }
 
@@ -198,11 +270,15 @@ fn step_m(a: &Sample, b: &Sample) -> (f64, f64) {
 }
 
 impl Pass {
-    /// None where its ends are not in clean air.
-    fn of(samples: &[Sample], site: &Site, wind: &dyn Fn(f64) -> WindVector) -> Option<Self> {
+    /// The condition that is not met where its ends are not in clean air.
+    fn of(
+        samples: &[Sample],
+        site: &Site,
+        wind: &dyn Fn(f64) -> WindVector,
+    ) -> Result<Self, &'static str> {
         let at_end = ((END_PART * samples.len() as f64) as usize).max(LEAST_AT_END);
         if samples.len() < 4 * at_end {
-            return None;
+            return Err("too few readings");
         }
         let n = samples.len() as f64;
         let before = mean(&samples[..at_end]);
@@ -215,31 +291,36 @@ impl Pass {
         let most = excess.iter().copied().fold(0.0, f64::max);
         let height_agl_m = samples.iter().map(|s| s.place.height_agl_m).sum::<f64>() / n;
         if (after - before).abs() > ENDS_DIFFER * most {
-            return None;
+            return Err("one end lies in the plume");
         }
         let air = site.atmosphere.at(site.ground_amsl_m + height_agl_m);
         let there = wind(height_agl_m);
-        let part = |k: usize| {
+        let (mut kg_s_m, mut along_kg_m2, mut parts) = (0.0, [0.0; 2], Vec::new());
+        let (mut distance_m, mut weight, mut centroid) = (0.0, 0.0, [0.0; 2]);
+        for k in 0..samples.len() - 1 {
             let (a, b) = (&samples[k], &samples[k + 1]);
             let (east, north) = step_m(a, b);
             let across_m2_s = (east * there.north_m_s - north * there.east_m_s).abs();
             let kg_m3 = site.gas.kg_m3(0.5 * (excess[k] + excess[k + 1]), air);
             let at = Enu::new(a.place.east_m + 0.5 * east, a.place.north_m + 0.5 * north);
-            (at, kg_m3 * across_m2_s)
-        };
-        let flows: Vec<(Enu, f64)> = (0..samples.len() - 1).map(part).collect();
-        let distance_m = flows
-            .iter()
-            .map(|f| site.source.distance_m(f.0))
-            .sum::<f64>();
-        Some(Self {
+            distance_m += site.source.distance_m(at);
+            kg_s_m += kg_m3 * across_m2_s;
+            along_kg_m2[0] += kg_m3 * east;
+            along_kg_m2[1] += kg_m3 * north;
+            let positive = kg_m3.max(0.0) * east.hypot(north);
+            weight += positive;
+            centroid[0] += positive * at.east_m;
+            centroid[1] += positive * at.north_m;
+            parts.push((site.source.bearing_deg(at), kg_m3 * across_m2_s));
+        }
+        Ok(Self {
+            time_s: [samples[0].time_s, samples[samples.len() - 1].time_s],
             height_agl_m,
-            distance_m: distance_m / flows.len() as f64,
-            kg_s_m: flows.iter().map(|f| f.1).sum(),
-            parts: flows
-                .iter()
-                .map(|(at, kg_s_m)| (site.source.bearing_deg(*at), *kg_s_m))
-                .collect(),
+            distance_m: distance_m / parts.len() as f64,
+            kg_s_m,
+            along_kg_m2,
+            centroid: (weight > 0.0).then(|| Enu::new(centroid[0] / weight, centroid[1] / weight)),
+            parts,
         })
     }
 
@@ -312,9 +393,19 @@ fn holds_the_plume(levels: &[Level]) -> bool {
     most.is_some_and(|most| most + 1 < levels.len() && (most > 0 || on_ground))
 }
 
+/// The integral over height.
+struct Integral {
+    kg_s: f64,
+    sd_kg_s: f64,
+    /// The height for which each level stands, m.
+    weights_m: Vec<f64>,
+    above_kg_s: f64,
+    below_kg_s: f64,
+}
+
 /// The integral over height by trapezoids, down to nothing over one more spacing at both ends, or to the ground;
 /// with its standard deviation. None where nothing flows.
-fn integral(levels: &[Level]) -> Option<(f64, f64)> {
+fn integral(levels: &[Level]) -> Option<Integral> {
     let last = levels.len() - 1;
     let gap_m = |k: usize| levels[k + 1].height_agl_m - levels[k].height_agl_m;
     // Half the spacing to both sides; beyond the ends a triangle, and what the ground cuts off it is reflected.
@@ -346,7 +437,13 @@ fn integral(levels: &[Level]) -> Option<(f64, f64)> {
     let edge = |k: usize, edge_m: f64| (EDGE_SD * edge_m * levels[k].kg_s_m).powi(2);
     let variance =
         SAME_EDDIES * (0..=last).map(own).sum::<f64>() + edge(0, below_m) + edge(last, above_m);
-    Some((kg_s, variance.sqrt()))
+    Some(Integral {
+        kg_s,
+        sd_kg_s: variance.sqrt(),
+        weights_m: (0..=last).map(weight_m).collect(),
+        above_kg_s: above_m * levels[last].kg_s_m,
+        below_kg_s: below_m * levels[0].kg_s_m,
+    })
 }
 
 #[cfg(test)]

@@ -231,6 +231,7 @@ fn check_source(k: usize, source: &SourceTable) -> Checked {
         lat_deg -89.0 to 89.0 "degrees",
         lon_deg -180.0 to 180.0 "degrees",
         stack_height_m 0.0 to 1000.0 "m above ground",
+        position_sd_m 0.0 to 1e4 "m",
     );
     let height_m = source.axis_height_agl_m();
     in_range(

@@ -256,6 +256,9 @@ pub struct SourceTable {
     /// Height of the plume's axis above ground, m; the stack's where left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub effective_height_m: Option<f64>,
+    /// Standard deviation of its position along each horizontal direction, m; for `flux`.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub position_sd_m: f64,
     /// Emission of the gas, kg/s; where it changes, in the mean of its table's time, which it scales.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub emission_kg_s: Option<f64>,
@@ -291,6 +294,10 @@ impl SourceTable {
             axis_deg: self.axis_deg.unwrap_or_default(),
         })
     }
+}
+
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 fn default_source_name() -> String {

@@ -46,6 +46,157 @@ fn a_run_leaves_its_outputs_and_verifies() {
     );
 }
 
+/// A car 60 m north of a vent of 2 g/s of methane, with 1 g/s of carbon monoxide released beside it: readings of a Gaussian
+/// plume (Briggs, class C) in a wind that swings.
+fn parked_car() -> String {
+    let mut log = String::from(
+        "time_s,platform,lat_deg,lon_deg,alt_amsl_m,ch4_ppm,co_ppm,wind_speed_m_s,wind_from_deg\n",
+    );
+    let distance_m = 60.0f64;
+    let sigma_z = 0.08 * distance_m / (1.0 + 0.0002 * distance_m).sqrt();
+    let sigma_y = 0.11 * distance_m / (1.0 + 0.0001 * distance_m).sqrt();
+    let bell = |v: f64, s: f64| (-0.5 * (v / s).powi(2)).exp();
+    for k in 0..1800u32 {
+        let t = f64::from(k);
+        let off: f64 = 25.0 * (t / 37.0).sin() + 15.0 * (t / 101.3).sin() + 8.0 * (t / 11.7).cos();
+        let y = distance_m * off.to_radians();
+        // s/m³ at 3 m/s, and m³/mol at 1000 hPa and 15 °C.
+        let per_rate = bell(y, sigma_y) * (bell(1.0, sigma_z) + bell(5.0, sigma_z))
+            / (std::f64::consts::TAU * 3.0 * sigma_y * sigma_z);
+        let molar_m3 = 8.314_462 * 288.15 / 1e5;
+        let ppm = |kg_s: f64, kg_mol: f64| 1e6 * per_rate * kg_s * molar_m3 / kg_mol;
+        let noise = 0.005 * (f64::from(k * 7919 % 101) / 50.0 - 1.0);
+        log += &format!(
+            "{t},car,45.00053992,5.0,103.0,{:.6},{:.6},3.0,{}\n",
+            2.0 + ppm(2e-3, 16.043e-3) + noise,
+            0.1 + ppm(1e-3, 28.010e-3) - noise,
+            180.0 + off
+        );
+    }
+    log
+}
+
+const VENT: &str = r#"
+[site]
+lat_deg = 45.0
+lon_deg = 5.0
+ground_amsl_m = 100.0
+[weather]
+wind_speed_m_s = 3.0
+wind_height_agl_m = 3.0
+wind_from_deg = 180.0
+stability = "C"
+temperature_c = 15.0
+pressure_hpa = 1000.0
+[[source]]
+name = "vent"
+gas = "ch4"
+lat_deg = 45.0
+lon_deg = 5.0
+effective_height_m = 2.0
+emission_kg_s = 1.0e-3
+[plume]
+ground_reflection = true
+[background]
+ch4_ppm = 2.0
+[sensor]
+noise_sd_ppm = 0.005
+"#;
+
+fn flux_states_a_rate_with_a_sheet_and_combines_visits() {
+    let out = folder("flux");
+    let write = |name: &str, text: &str| {
+        std::fs::write(out.join(name), text).unwrap();
+        text_of(&out.join(name))
+    };
+    let (log, vent) = (write("car.csv", &parked_car()), write("vent.toml", VENT));
+    let sheet = write(
+        "sheet.toml",
+        "site = \"Test <site>\"\nmeasured_by = \"A. Nobody\"\n",
+    );
+    let at = |name: &str| text_of(&out.join(name));
+    let json = |folder: &str| -> serde_json::Value {
+        let text = std::fs::read_to_string(out.join(folder).join("flux.json")).unwrap();
+        serde_json::from_str(&text).unwrap()
+    };
+    let run = |more: &[&str]| {
+        let mut arguments = vec!["flux", &log, "--scenario", &vent];
+        arguments.extend(more);
+        let output = plumage(&arguments);
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        (output, told)
+    };
+    let (output, told) = run(&["--sheet", &sheet, "--out", &at("a")]);
+    assert!(output.status.success(), "{told}");
+    let told = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(
+        told.contains("vent emits") && told.contains("by point"),
+        "{told}"
+    );
+    let a = json("a");
+    let source = &a["sources"][0];
+    assert_eq!(
+        (&a["schema"], &source["method"]),
+        (&"plumage.flux/1".into(), &"point".into())
+    );
+    let rate = source["kg_s"]["value"].as_f64().unwrap();
+    assert!((rate / 2e-3 - 1.0).abs() < 0.2, "{rate}");
+    assert!(source["upper_limit_kg_s"].is_null());
+    assert_eq!(a["inputs"][0]["rows"], 1800);
+    let hash = a["inputs"][0]["sha256"].as_str().unwrap().to_owned();
+    let page = std::fs::read_to_string(out.join("a/report.html")).unwrap();
+    for part in [
+        "Test &lt;site&gt;",
+        "A. Nobody",
+        "scfh",
+        "Signature",
+        &hash[..32],
+    ] {
+        assert!(page.contains(part), "{part}");
+    }
+    // By the tracer the rate is right to what the noise leaves.
+    let (output, told) = run(&["--tracer", "CO=1e-3", "--out", &at("b")]);
+    assert!(output.status.success(), "{told}");
+    let b = json("b");
+    assert_eq!(b["sources"][0]["method"], "tracer");
+    let by_tracer = b["sources"][0]["kg_s"]["value"].as_f64().unwrap();
+    assert!((by_tracer / 2e-3 - 1.0).abs() < 0.02, "{by_tracer}");
+    assert_eq!(b["sources"][0]["alternatives"][0]["method"], "point");
+    let (output, told) = run(&["--tracer", "CO", "--out", &at("c")]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(told.contains("C2H2=0.8e-3"), "{told}");
+    // Two visits.
+    let output = plumage(&[
+        "flux",
+        "combine",
+        &at("a/flux.json"),
+        &at("b/flux.json"),
+        "--out",
+        &at("site"),
+    ]);
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    let site = json("site");
+    assert_eq!(site["sources"][0]["method"], "combined");
+    let mean = site["sources"][0]["kg_s"]["value"].as_f64().unwrap();
+    assert!(
+        mean >= rate.min(by_tracer) && mean <= rate.max(by_tracer),
+        "{mean}"
+    );
+    refused(
+        &plumage(&["flux", "combine", &vent, "--out", &at("none")]),
+        2,
+        &["expected a flux.json"],
+    );
+}
+
+fn text_of(path: &Path) -> String {
+    text(path).to_owned()
+}
+
 fn options_are_refused_in_words_and_a_broken_pipe_is_no_panic() {
     let run = |option: &str, value: &str| plumage(&["run", SCENARIO, option, value]);
     refused(
@@ -583,6 +734,7 @@ fn a_campaign_in_parts_merges_into_the_same_as_at_once() {
 crate::runner::tests! {
     Cores {
         a_run_leaves_its_outputs_and_verifies,
+        flux_states_a_rate_with_a_sheet_and_combines_visits,
         options_are_refused_in_words_and_a_broken_pipe_is_no_panic,
         a_mission_of_methane_says_methane,
         the_resolved_scenario_flies_the_same_mission,

@@ -1,55 +1,104 @@
 //! `plumage flux`: the emission rate that measured observations show.
 
+use crate::progress::Waiting;
 use crate::{Failure, measured, mission_files};
+use mission::Setup;
 use plume::Gas;
 use record::files;
-use std::path::PathBuf;
-use study::flux::{Method, SourceFlux};
-use tasks::flux::Input;
+use scenario::observations::{Observations, checks};
+use std::path::{Path, PathBuf};
+use study::flux::Method;
+use tasks::flux::{FluxReport, Input, Sheet, Tracer};
+use views::flux_report::{self, FluxPage};
 
 /// Arguments of `plumage flux`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example: plumage flux car.csv --scenario site.toml --out out/flux")]
+#[command(
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
+    after_help = "Example: plumage flux car.csv --scenario site.toml --out out/flux"
+)]
 pub struct FluxArguments {
+    #[command(subcommand)]
+    command: Option<FluxCommand>,
+    #[command(flatten)]
+    estimate: Option<EstimateArguments>,
+}
+
+/// What else `plumage flux` does.
+#[derive(Debug, clap::Subcommand)]
+enum FluxCommand {
+    /// Combine the rates of several visits into the mean of a site
+    Combine(CombineArguments),
+}
+
+/// Arguments of `plumage flux combine`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example: plumage flux combine may/flux.json june/flux.json --out out/site")]
+struct CombineArguments {
+    /// Files flux.json of the visits
+    #[arg(required = true)]
+    visits: Vec<PathBuf>,
+    /// Folder for flux.json
+    #[arg(long, value_name = "DIR", help_heading = "Outputs")]
+    out: PathBuf,
+    /// Write into a folder that is not empty, and replace earlier outputs
+    #[arg(long, help_heading = "Outputs")]
+    force: bool,
+}
+
+/// Arguments of an estimate.
+#[derive(Debug, clap::Args)]
+struct EstimateArguments {
     /// Observations (CSV or MCAP recordings)
     #[arg(required = true)]
-    pub observations: Vec<PathBuf>,
+    observations: Vec<PathBuf>,
     /// Mapping file (TOML) to read logs of other formats, as from `plumage import`
     #[arg(long, value_name = "FILE", help_heading = "Input")]
-    pub map: Option<PathBuf>,
+    map: Option<PathBuf>,
     /// Scenario with site, weather and source (TOML)
     #[arg(long, value_name = "FILE", help_heading = "Input")]
-    pub scenario: PathBuf,
+    scenario: PathBuf,
     /// Gas to use from the observations: co2, ch4, n2o and so on, or one of the scenario's [[gas]] [default:
     /// that of the first source]
     #[arg(long, value_name = "GAS", help_heading = "Input")]
-    pub gas: Option<Gas>,
-    /// Method: point (one sensor at rest with a wind log), curtain (passes at several heights), or auto (every method
-    /// whose conditions are met)
+    gas: Option<Gas>,
+    /// Method: curtain (passes at several heights), point (one sensor at rest with a wind log), network (several sensors
+    /// at rest), inversion (tracks), or auto (every method whose conditions are met)
     #[arg(
         long,
         value_name = "METHOD",
         default_value = "auto",
         help_heading = "Input"
     )]
-    pub method: MethodChoice,
-    /// Folder for flux.json
+    method: MethodChoice,
+    /// Gas that is released beside the source at a known rate, kg/s, and read beside the other
+    #[arg(long, value_name = "NAME=KG_S", help_heading = "Input", value_parser = tracer_of)]
+    tracer: Option<(Gas, f64)>,
+    /// Sheet (TOML) with the names and numbers that the report states
+    #[arg(long, value_name = "FILE", help_heading = "Input")]
+    sheet: Option<PathBuf>,
+    /// Folder for flux.json and report.html
     #[arg(long, value_name = "DIR", help_heading = "Outputs")]
-    pub out: PathBuf,
+    out: PathBuf,
     /// Write into a folder that is not empty, and replace earlier outputs
     #[arg(long, help_heading = "Outputs")]
-    pub force: bool,
+    force: bool,
 }
 
 /// Values of `--method`.
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
-pub enum MethodChoice {
+enum MethodChoice {
     /// Every method whose conditions are met
     Auto,
     /// Mass balance of passes at several heights
     Curtain,
     /// One sensor at rest with a wind log
     Point,
+    /// Several sensors at rest
+    Network,
+    /// Tracks: passes at one height, or the fit of the whole model
+    Inversion,
 }
 
 impl MethodChoice {
@@ -58,99 +107,177 @@ impl MethodChoice {
             Self::Auto => Method::ALL.to_vec(),
             Self::Curtain => vec![Method::Curtain],
             Self::Point => vec![Method::Point],
+            Self::Network => vec![Method::Network],
+            Self::Inversion => vec![Method::Inversion],
         }
     }
 }
 
-/// Estimates the rate and writes `flux.json`.
+fn tracer_of(text: &str) -> Result<(Gas, f64), String> {
+    let expected = "expected a gas and its rate in kg/s, such as C2H2=0.8e-3";
+    let (name, rate) = text.split_once('=').ok_or(expected)?;
+    let gas = Gas::from_name(name).ok_or_else(|| format!("{name}: {expected}"))?;
+    let kg_s: f64 = rate.trim().parse().map_err(|_| expected)?;
+    if kg_s > 0.0 && kg_s.is_finite() {
+        Ok((gas, kg_s))
+    } else {
+        Err(expected.to_owned())
+    }
+}
+
+/// Estimates the rate and writes `flux.json` and `report.html`, or combines visits.
 ///
 /// # Errors
 /// Wrong input, observations that meet no method's conditions, or outputs that cannot be written.
 pub fn flux(arguments: &FluxArguments) -> Result<(), Failure> {
+    match (&arguments.command, &arguments.estimate) {
+        (Some(FluxCommand::Combine(combined)), _) => combine(combined),
+        (None, Some(estimated)) => estimate(estimated),
+        (None, None) => Err(Failure::usage("expected observations and --scenario")),
+    }
+}
+
+fn estimate(arguments: &EstimateArguments) -> Result<(), Failure> {
     let setup = mission_files::load(&arguments.scenario)?;
     let setup = mission_files::for_gas(setup, arguments.gas)?;
-    let mut observations = measured::load_by(
-        &arguments.observations,
-        setup.scenario.gas(),
-        arguments.map.as_deref(),
-    )?;
-    let files = &arguments.observations;
-    let setup = measured::weather_over(setup, &mut observations, files)?;
+    let map = arguments.map.as_deref();
+    let load = |gas| measured::load_by(&arguments.observations, gas, map);
+    let mut observations = load(setup.scenario.gas())?;
+    let setup = measured::weather_over(setup, &mut observations, &arguments.observations)?;
     measured::fill_wind(&mut observations, &setup).map_err(Failure::input)?;
     measured::tell(&observations.notices);
+    let tracer = arguments
+        .tracer
+        .map(|(gas, kg_s)| load(gas).map(|observations| Tracer { observations, kg_s }))
+        .transpose()?;
+    let sheet = match &arguments.sheet {
+        Some(file) => {
+            let text = measured::read(file, "sheet")?;
+            Sheet::parse(&file.display().to_string(), &text).map_err(Failure::input)?
+        }
+        None => Sheet::default(),
+    };
     let inputs: Vec<Input> = arguments
         .observations
         .iter()
         .map(|file| {
             let bytes = std::fs::read(file).map_err(Failure::input)?;
-            Ok(Input {
-                file: file.display().to_string(),
-                bytes,
-            })
+            Ok(Input::new(file.display().to_string(), &bytes))
         })
         .collect::<Result<_, Failure>>()?;
     let methods = arguments.method.methods();
-    let report =
-        tasks::flux::of(&setup, &observations, &methods, &inputs).map_err(mission_files::option)?;
-    let refusals = report.fluxes.refused.iter();
-    let refusals: Vec<String> = refusals
-        .map(|r| format!("{:?}: {}", r.method, r.reason).to_lowercase())
-        .collect();
-    if report.fluxes.estimates.is_empty() {
+    let waiting = Waiting::new("estimating the rate");
+    let report = tasks::flux::of(&setup, &observations, &methods, tracer.as_ref(), inputs)
+        .map_err(mission_files::option)?;
+    drop(waiting);
+    let Some(conclusion) = &report.conclusion else {
+        let refusals: Vec<String> = report
+            .refused
+            .iter()
+            .map(|r| format!("{}: {}", r.method.name(), r.reason))
+            .collect();
         return Err(Failure::usage(format!(
             "no method applies to these observations: {}",
             refusals.join("; ")
         )));
+    };
+    let page = page(&setup, &observations, &report, &sheet)?;
+    write(
+        &arguments.out,
+        arguments.force,
+        &[("flux.json", &report.json), ("report.html", &page)],
+    )?;
+    let headline = &conclusion.headline;
+    println!("{}", flux_report::sentence(headline));
+    for note in &headline.notes {
+        println!("  {note}");
     }
-    files::prepare_folder(&arguments.out, arguments.force).map_err(Failure::input)?;
-    files::write_whole(&arguments.out.join("flux.json"), report.json.as_bytes())?;
-    for flux in &report.fluxes.estimates {
-        println!("{}", line(flux));
+    for other in &conclusion.alternatives {
+        println!("  {}", flux_report::sentence(other));
     }
-    println!("Outputs in {}: flux.json", arguments.out.display());
+    println!(
+        "Outputs in {}: flux.json, report.html",
+        arguments.out.display()
+    );
     Ok(())
 }
 
-/// One estimate for the terminal.
-fn line(flux: &SourceFlux) -> String {
-    let gas = flux.gas.formula();
-    let method = format!("{:?}", flux.method).to_lowercase();
-    let notes = flux.notes.iter().map(|note| format!("; {note}"));
-    let notes: String = notes.collect();
-    match (flux.kg_s, flux.upper_limit_kg_s) {
-        (Some(rate), _) => {
-            let (unit, factor) = unit_of(rate.value);
-            format!(
-                "{} emits {} {unit} of {gas} (95 % interval {} to {}) by {method}{notes}",
-                flux.name,
-                figures(rate.value * factor),
-                figures(rate.low95 * factor),
-                figures(rate.high95 * factor),
-            )
-        }
-        (None, limit) => {
-            let limit = limit.unwrap_or(f64::NAN);
-            let (unit, factor) = unit_of(limit);
-            format!(
-                "{} emits less than {} {unit} of {gas} (95 %) by {method}{notes}",
-                flux.name,
-                figures(limit * factor)
-            )
-        }
-    }
+fn page(
+    setup: &Setup,
+    observations: &Observations,
+    report: &FluxReport,
+    sheet: &Sheet,
+) -> Result<String, Failure> {
+    let spec = setup.scenario.dispersion_spec().map_err(Failure::input)?;
+    let frame = setup.scenario.frame().map_err(Failure::input)?;
+    let checked = checks::check(observations, &spec, &frame);
+    let flaw = |flaw: &scenario::observations::DataQuality| {
+        format!(
+            "{}, {:.0} to {:.0} s: {}",
+            flaw.platform, flaw.from_s, flaw.to_s, flaw.message
+        )
+    };
+    let winds = checked
+        .observations
+        .rows
+        .iter()
+        .filter_map(|row| Some((row.wind_speed_m_s?, row.wind_from_deg?)));
+    Ok(flux_report::page(&FluxPage {
+        conclusion: report.conclusion.as_ref(),
+        refused: &report.refused,
+        fields: sheet
+            .fields()
+            .iter()
+            .map(|(label, text)| ((*label).to_owned(), (*text).to_owned()))
+            .collect(),
+        inputs: report
+            .inputs
+            .iter()
+            .map(|i| (i.file.clone(), i.sha256.clone(), i.rows))
+            .collect(),
+        left_out: checked.flaws.iter().map(flaw).collect(),
+        winds: winds.collect(),
+    }))
 }
 
-/// The unit in which a rate in kg/s reads best, and its number in 1 kg/s.
-fn unit_of(kg_s: f64) -> (&'static str, f64) {
-    if kg_s < 0.1 {
-        ("g/s", 1e3)
-    } else {
-        ("kg/s", 1.0)
+fn write(out: &Path, force: bool, outputs: &[(&str, &str)]) -> Result<(), Failure> {
+    files::prepare_folder(out, force).map_err(Failure::input)?;
+    for (name, text) in outputs {
+        files::write_whole(&out.join(name), text.as_bytes())?;
     }
+    Ok(())
 }
 
-/// Three significant figures.
-fn figures(value: f64) -> String {
-    let digits = 2 - value.abs().max(f64::MIN_POSITIVE).log10().floor() as i32;
-    format!("{value:.*}", digits.max(0) as usize)
+fn combine(arguments: &CombineArguments) -> Result<(), Failure> {
+    let visits: Vec<(String, String)> = arguments
+        .visits
+        .iter()
+        .map(|file| {
+            Ok((
+                file.display().to_string(),
+                measured::read(file, "flux.json")?,
+            ))
+        })
+        .collect::<Result<_, Failure>>()?;
+    let combined = tasks::flux::combine(&visits).map_err(Failure::input)?;
+    write(
+        &arguments.out,
+        arguments.force,
+        &[("flux.json", &combined.json)],
+    )?;
+    for source in &combined.sources {
+        let rate = source.mean.kg_s;
+        let g_s = |kg_s: f64| flux_report::three_figures(1e3 * kg_s);
+        println!(
+            "{} emits {} g/s of {} (95 % interval {} to {}): {}",
+            source.name,
+            g_s(rate.value),
+            source.gas.formula(),
+            g_s(rate.low95),
+            g_s(rate.high95),
+            source.notes.join("; ")
+        );
+    }
+    println!("Outputs in {}: flux.json", arguments.out.display());
+    Ok(())
 }

@@ -1,34 +1,57 @@
-//! The rate of a source by every method whose conditions the observations meet.
+//! The rate of a source by every method whose conditions the observations meet, and the conclusion from all.
 
-use crate::point::{self, PointFlux};
-use crate::{Interval, Share, StudyError, Term};
-use air::geo::Geodetic;
-use air::wind::WindVector;
-use plume::curtain::{Sample, Site, mass_balance};
-use plume::{Gas, Place};
+use crate::combine::agreement_p;
+use crate::tracks::{ALWAYS, mean_wind, samples, site};
+use crate::{
+    GAIN_LN_SD, Interval, LOGGED_SPEED_LN_SD, PassFlux, PlumeFlux, SCENARIO_SPEED_LN_SD, Share,
+    StudyError, Term, budget, network, point, transects,
+};
+use plume::Gas;
+use plume::curtain::{Curtain, Pass, RejectedPass, curtain, passes};
 use scenario::Scenario;
-use scenario::observations::{ObservationRow, Observations, checks};
+use scenario::observations::{Observations, checks};
 use serde::Serialize;
-use statrs::function::erf::erfc;
 
-/// Standard deviation of ln wind speed where the passes carry no wind of their own and the scenario states none.
-const SCENARIO_SPEED_LN_SD: f64 = 0.15;
-/// The same of a logged wind.
-const LOGGED_SPEED_LN_SD: f64 = 0.05;
+/// Of what lies beyond the lowest and highest pass as much is not known, one standard deviation, as in
+/// [`plume::curtain`].
+const EDGE_SD: f64 = 0.5;
+/// Methods agree where a difference as large as theirs has this probability or more.
+const AGREEMENT_P: f64 = 0.05;
 
 /// A way to estimate a rate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Method {
-    /// One sensor at rest with a wind beside it ([`crate::point`]).
-    Point,
     /// The balance of mass of passes at several heights ([`plume::curtain`]).
     Curtain,
+    /// Several sensors at rest ([`crate::network`]).
+    Network,
+    /// One sensor at rest with a wind beside it ([`crate::point`]).
+    Point,
+    /// Tracks: plume integrals of passes at one height ([`crate::transects`]), or the fit of the whole model.
+    Inversion,
+    /// The ratio to a gas that is released beside the source ([`crate::tracer`]).
+    Tracer,
+    /// Several methods that agree.
+    Combined,
 }
 
 impl Method {
-    /// All methods, in the order in which they are preferred: a method without a model of the plume's spread first.
-    pub const ALL: [Self; 2] = [Self::Curtain, Self::Point];
+    /// What observations are tried by, in the order in which the methods are preferred: one without a model of the plume's
+    /// spread first.
+    pub const ALL: [Self; 4] = [Self::Curtain, Self::Network, Self::Point, Self::Inversion];
+
+    /// Its name in `flux.json` and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Curtain => "curtain",
+            Self::Network => "network",
+            Self::Point => "point",
+            Self::Inversion => "inversion",
+            Self::Tracer => "tracer",
+            Self::Combined => "combined",
+        }
+    }
 }
 
 /// The wind of an estimate.
@@ -40,6 +63,8 @@ pub struct Wind {
     pub speed_m_s: f64,
     /// Mean direction from which it blows, degrees.
     pub from_deg: f64,
+    /// One standard deviation of that, degrees, where the method estimates it.
+    pub sd_deg: Option<f64>,
 }
 
 /// The stability of an estimate, and what it would be in the neighbouring classes.
@@ -70,25 +95,16 @@ pub struct SourceFlux {
     pub upper_limit_kg_s: Option<f64>,
     /// Shares of the variance of ln rate.
     pub budget: Vec<Share>,
-    /// The wind.
-    pub wind: Wind,
+    /// The wind; none where the method needs none.
+    pub wind: Option<Wind>,
     /// The stability; none where the method needs none.
     pub stability: Option<StabilityUsed>,
     /// Mean distance of the readings from the source, m.
     pub distance_m: f64,
+    /// The passes, in order of time.
+    pub passes: Vec<PassFlux>,
     /// What a reader should know beside the number.
     pub notes: Vec<String>,
-}
-
-impl SourceFlux {
-    /// Probability of a difference of ln rate as large as that from `other`, if both estimate the same rate and err
-    /// independently; none where one of them gives no rate.
-    pub fn agreement_p(&self, other: &Self) -> Option<f64> {
-        let (own, other) = (self.kg_s?, other.kg_s?);
-        let variance = (own.sd / own.value).powi(2) + (other.sd / other.value).powi(2);
-        let z = (own.value / other.value).ln().abs() / variance.sqrt();
-        Some(erfc(z / std::f64::consts::SQRT_2))
-    }
 }
 
 /// A method that gives no rate, and why.
@@ -101,12 +117,23 @@ pub struct Refusal {
 }
 
 /// What all methods give.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Fluxes {
     /// Estimates, the preferred first.
     pub estimates: Vec<SourceFlux>,
     /// Methods that give none.
     pub refused: Vec<Refusal>,
+}
+
+/// The answer from all estimates.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Conclusion {
+    /// The combined estimate where methods agree, else that of the preferred method.
+    pub headline: SourceFlux,
+    /// The estimates beside it.
+    pub alternatives: Vec<SourceFlux>,
+    /// The least probability of so large a difference between two of the methods, if both are right.
+    pub agreement_p: Option<f64>,
 }
 
 /// Tries `methods` in their order.
@@ -118,14 +145,20 @@ pub fn estimate(
     observations: &Observations,
     methods: &[Method],
 ) -> Result<Fluxes, StudyError> {
-    let mut out = Fluxes {
-        estimates: Vec::new(),
-        refused: Vec::new(),
-    };
+    let mut out = Fluxes::default();
     for &method in methods {
         let by_method = match method {
-            Method::Point => by_point(scenario, observations),
             Method::Curtain => by_curtain(scenario, observations),
+            Method::Network => {
+                network::estimate(scenario, observations).map(|f| of_plume(scenario, method, f))
+            }
+            Method::Point => {
+                point::estimate(scenario, observations).map(|f| of_plume(scenario, method, f))
+            }
+            Method::Inversion => {
+                transects::estimate(scenario, observations).map(|f| of_plume(scenario, method, f))
+            }
+            Method::Tracer | Method::Combined => continue,
         };
         match by_method {
             Ok(flux) => out.estimates.push(flux),
@@ -136,70 +169,136 @@ pub fn estimate(
     Ok(out)
 }
 
-fn by_point(scenario: &Scenario, observations: &Observations) -> Result<SourceFlux, StudyError> {
-    let PointFlux {
-        kg_s,
-        upper_limit_kg_s,
-        budget,
-        distance_m,
-        from_deg,
-        speed_m_s,
-        one_class_off_kg_s: [if_one_class_down, if_one_class_up],
-        notes,
-        ..
-    } = point::estimate(scenario, observations)?;
-    Ok(SourceFlux {
-        name: scenario.sources[0].name.clone(),
+impl Fluxes {
+    /// The answer: methods that agree are combined. Those that do not are never averaged; the preferred one stands, and
+    /// says so. None without an estimate.
+    pub fn conclude(&self) -> Option<Conclusion> {
+        let first = self.estimates.first()?;
+        let rated: Vec<&SourceFlux> = self.estimates.iter().filter(|e| e.kg_s.is_some()).collect();
+        // A rate says more than a limit, and a tracer needs no model at all.
+        let preferred = rated.first().copied().unwrap_or(first);
+        let mut others: Vec<SourceFlux> = self
+            .estimates
+            .iter()
+            .filter(|e| !std::ptr::eq(*e, preferred))
+            .cloned()
+            .collect();
+        let p = rated
+            .iter()
+            .enumerate()
+            .flat_map(|(k, a)| rated[k + 1..].iter().map(move |b| (a, b)))
+            .filter_map(|(a, b)| agreement_p(a.kg_s?, b.kg_s?))
+            .reduce(f64::min);
+        let mut headline = preferred.clone();
+        match p {
+            Some(p) if p >= AGREEMENT_P && preferred.method != Method::Tracer => {
+                others.insert(0, preferred.clone());
+                headline = combined(&rated);
+            }
+            Some(p) if p < AGREEMENT_P => headline.notes.push(format!(
+                "methods disagree (p = {p:.3}): {} stands, and nothing is averaged",
+                preferred.method.name()
+            )),
+            _ => {}
+        }
+        for limited in self.estimates.iter().filter(|e| e.kg_s.is_none()) {
+            if let (Some(limit), Some(rate)) = (limited.upper_limit_kg_s, headline.kg_s)
+                && limit < rate.low95
+            {
+                headline.notes.push(format!(
+                    "{} did not meet the plume, and gives a limit below this rate",
+                    limited.method.name()
+                ));
+            }
+        }
+        Some(Conclusion {
+            headline,
+            alternatives: others,
+            agreement_p: p,
+        })
+    }
+}
+
+/// The mean of ln rates by their variances. Its interval is as wide as the narrowest: the methods read the same eddies.
+fn combined(estimates: &[&SourceFlux]) -> SourceFlux {
+    let rates: Vec<(f64, f64)> = estimates
+        .iter()
+        .filter_map(|e| e.kg_s)
+        .map(|rate| (rate.value.ln(), rate.ln_sd()))
+        .collect();
+    let weights: Vec<f64> = rates.iter().map(|r| r.1.powi(-2)).collect();
+    let all: f64 = weights.iter().sum();
+    let ln = rates
+        .iter()
+        .zip(&weights)
+        .map(|(r, w)| r.0 * w)
+        .sum::<f64>()
+        / all;
+    let ln_sd = rates.iter().map(|r| r.1).fold(f64::INFINITY, f64::min);
+    let narrowest = estimates
+        .iter()
+        .filter(|e| e.kg_s.is_some())
+        .min_by(|a, b| {
+            let ln_sd = |e: &SourceFlux| e.kg_s.map_or(f64::INFINITY, |r| r.ln_sd());
+            ln_sd(a).total_cmp(&ln_sd(b))
+        })
+        .copied()
+        .unwrap_or(estimates[0]);
+    let names: Vec<&str> = estimates.iter().map(|e| e.method.name()).collect();
+    SourceFlux {
+        method: Method::Combined,
+        kg_s: Some(Interval::of_ln_normal(ln.exp(), ln_sd)),
+        notes: vec![format!(
+            "weighted mean of {}, which agree; the interval is no narrower than that of the best of them",
+            names.join(" and ")
+        )],
+        passes: estimates.iter().flat_map(|e| e.passes.clone()).collect(),
+        ..narrowest.clone()
+    }
+}
+
+/// Names of all sources.
+fn names(scenario: &Scenario) -> String {
+    let names: Vec<&str> = scenario.sources.iter().map(|s| s.name.as_str()).collect();
+    names.join(" + ")
+}
+
+fn of_plume(scenario: &Scenario, method: Method, flux: PlumeFlux) -> SourceFlux {
+    let [if_one_class_down, if_one_class_up] = flux.one_class_off_kg_s;
+    SourceFlux {
+        name: names(scenario),
         gas: scenario.gas(),
-        method: Method::Point,
-        kg_s,
-        upper_limit_kg_s,
-        budget,
-        wind: Wind {
+        method,
+        kg_s: flux.kg_s,
+        upper_limit_kg_s: flux.upper_limit_kg_s,
+        budget: flux.budget,
+        wind: Some(Wind {
             treatment: "logged",
-            speed_m_s,
-            from_deg,
-        },
+            speed_m_s: flux.speed_m_s,
+            from_deg: flux.from_deg,
+            sd_deg: flux.from_sd_deg,
+        }),
         stability: Some(StabilityUsed {
             value: scenario.weather.stability.letter(),
             by: "scenario",
             if_one_class_down,
             if_one_class_up,
         }),
-        distance_m,
-        notes,
-    })
+        distance_m: flux.distance_m,
+        passes: flux.passes,
+        notes: flux.notes,
+    }
 }
 
 fn by_curtain(scenario: &Scenario, observations: &Observations) -> Result<SourceFlux, StudyError> {
     let spec = scenario.dispersion_spec()?;
     let frame = scenario.frame()?;
     let checked = checks::check(observations, &spec, &frame).observations;
-    let site = Site {
-        source: spec.sources[0].place,
-        ground_amsl_m: spec.ground_amsl_m,
-        gas: spec.sources[0].gas,
-        atmosphere: spec.atmosphere,
-    };
-    let sample = |row: &ObservationRow| {
-        let at = Geodetic {
-            lat_deg: row.lat_deg,
-            lon_deg: row.lon_deg,
-        };
-        let place = Place::from_geodetic(&frame, at, row.alt_amsl_m);
-        let of_a_place = row.averaging_s.is_none() && row.line_end.is_none();
-        row.co2_ppm.filter(|_| of_a_place).map(|ppm| Sample {
-            platform: row.platform,
-            time_s: row.time_s,
-            place,
-            ppm,
-        })
-    };
-    let mut samples: Vec<Sample> = checked.rows.iter().filter_map(sample).collect();
-    samples.sort_by_key(|s| s.platform);
-    let logged = mean_wind(&checked);
+    let samples = samples(&frame, &checked);
+    let logged = mean_wind(&checked, ALWAYS).map(|w| w.0);
     let wind = |height_agl_m: f64| logged.unwrap_or_else(|| spec.wind.at(height_agl_m));
-    let Some(found) = mass_balance(&samples, &site, &wind) else {
+    let (passes, rejected) = passes(&samples, &site(&spec), &wind);
+    let Some(found) = curtain(&passes) else {
         return Err(StudyError::Refused(
             "no curtain: expected passes across the wind at three heights at least, at about one distance, with the plume between their ends".into(),
         ));
@@ -208,31 +307,26 @@ fn by_curtain(scenario: &Scenario, observations: &Observations) -> Result<Source
         Some(_) => LOGGED_SPEED_LN_SD,
         None => SCENARIO_SPEED_LN_SD,
     };
-    let passes_ln_sd = (found.sd_kg_s / found.kg_s).powi(2).ln_1p().sqrt();
+    let flux = found.flux;
+    let passes_variance = (flux.sd_kg_s / flux.kg_s).powi(2).ln_1p();
+    let edges = EDGE_SD * found.above_kg_s.hypot(found.below_kg_s) / flux.kg_s;
+    let edge_variance = edges.powi(2).min(passes_variance);
+    let terms = [
+        (Term::Turbulence, passes_variance - edge_variance),
+        (Term::Height, edge_variance),
+        (Term::WindSpeed, speed_ln_sd.powi(2)),
+        (Term::Sensor, GAIN_LN_SD.powi(2)),
+    ];
+    let ln_sd = terms.iter().map(|t| t.1).sum::<f64>().sqrt();
     let there = logged.unwrap_or_else(|| spec.wind.at(spec.sources[0].effective_height_agl_m));
-    let all = passes_ln_sd.powi(2) + speed_ln_sd.powi(2);
     Ok(SourceFlux {
-        name: scenario
-            .sources
-            .iter()
-            .map(|s| s.name.as_str())
-            .collect::<Vec<_>>()
-            .join(" + "),
+        name: names(scenario),
         gas: scenario.gas(),
         method: Method::Curtain,
-        kg_s: Some(Interval::of_ln_normal(found.kg_s, all.sqrt())),
+        kg_s: Some(Interval::of_ln_normal(flux.kg_s, ln_sd)),
         upper_limit_kg_s: None,
-        budget: vec![
-            Share {
-                term: Term::Turbulence,
-                share: passes_ln_sd.powi(2) / all,
-            },
-            Share {
-                term: Term::WindSpeed,
-                share: speed_ln_sd.powi(2) / all,
-            },
-        ],
-        wind: Wind {
+        budget: budget(&terms),
+        wind: Some(Wind {
             treatment: if logged.is_some() {
                 "logged"
             } else {
@@ -240,32 +334,41 @@ fn by_curtain(scenario: &Scenario, observations: &Observations) -> Result<Source
             },
             speed_m_s: there.speed_m_s(),
             from_deg: there.from_deg(),
-        },
+            sd_deg: None,
+        }),
         stability: None,
-        distance_m: found.distance_m,
+        distance_m: flux.distance_m,
+        passes: of_curtain(&found, &passes, &rejected),
         notes: vec![format!(
-            "{} passes at {} heights",
-            found.passes, found.levels
+            "{} passes at {} heights; {:.0} % of the rate lies above the highest pass and {:.0} % below the lowest, by extrapolation",
+            flux.passes,
+            flux.levels,
+            100.0 * found.above_kg_s / flux.kg_s,
+            100.0 * found.below_kg_s / flux.kg_s,
         )],
     })
 }
 
-/// Mean of the logged winds as a vector; none where no row has one.
-fn mean_wind(observations: &Observations) -> Option<WindVector> {
-    let winds = observations.rows.iter().filter_map(|row| {
-        Some(WindVector::from_speed_and_direction(
-            row.wind_speed_m_s?,
-            row.wind_from_deg?,
-        ))
-    });
-    let (mut sum, mut count) = (WindVector::default(), 0.0);
-    for wind in winds {
-        sum.east_m_s += wind.east_m_s;
-        sum.north_m_s += wind.north_m_s;
-        count += 1.0;
-    }
-    (count > 0.0).then(|| WindVector {
-        east_m_s: sum.east_m_s / count,
-        north_m_s: sum.north_m_s / count,
-    })
+/// The passes of a curtain with those that it does not use, in order of time.
+fn of_curtain(found: &Curtain, passes: &[Pass], rejected: &[RejectedPass]) -> Vec<PassFlux> {
+    let used = |pass: &Pass| {
+        let own = found.used.iter().find(|(p, _)| p.time_s == pass.time_s);
+        own.map(|(_, kg_s)| *kg_s)
+    };
+    let mut out: Vec<PassFlux> = passes
+        .iter()
+        .map(|pass| PassFlux {
+            from_s: pass.time_s[0],
+            to_s: pass.time_s[1],
+            kg_s: used(pass),
+            distance_m: pass.distance_m,
+            used: used(pass).is_some(),
+            reason: used(pass)
+                .is_none()
+                .then(|| "at another distance, or its ends do not enclose the plume".to_owned()),
+        })
+        .collect();
+    out.extend(rejected.iter().map(PassFlux::rejected));
+    out.sort_by(|a, b| a.from_s.total_cmp(&b.from_s));
+    out
 }

@@ -1,18 +1,44 @@
 //! Emission rates from measured concentrations.
 //!
-//! [`flux::estimate`] tries every method whose conditions the observations meet; the estimate of [`plume::curtain`] needs
-//! no model of the plume's spread.
-//! [`point`] estimates the rate of one source from one sensor at rest with a wind logged beside it: a car parked
-//! downwind, a mast, a hovering drone. Each estimate carries a 95 % interval, the terms that make it wide, and the part of
-//! the record that it used; where a method's conditions are not met it is refused with the reason.
+//! [`flux::estimate`] tries every method whose conditions the observations meet:
+//!
+//! - [`plume::curtain`]: the balance of mass of passes at several heights, without a model of the plume's spread;
+//! - [`point`]: one sensor at rest with a wind logged beside it: a car parked downwind, a mast, a hovering drone;
+//! - [`network`]: several sensors at rest;
+//! - [`transects`]: passes at one height, each by its plume integral.
+//!
+//! [`tracer`] compares the gas with one that is released beside the source at a known rate. [`combine`] gives the mean of
+//! several visits. Each estimate carries a 95 % interval, the terms that make it wide, and the part of the record that it
+//! used; where a method's conditions are not met it is refused with the reason.
 //!
 //! Pure: no clock, file, socket, environment or random number.
 
+mod clean_air;
+pub mod combine;
 pub mod flux;
+mod grid;
+pub mod network;
 pub mod point;
+mod profile;
+mod sectors;
+mod stations;
+pub mod tracer;
+mod tracks;
+pub mod transects;
+pub mod units;
+mod vertical;
+
+/// Standard deviation of ln wind speed: a calibrated anemometer, carried from its height to the plume's.
+pub(crate) const LOGGED_SPEED_LN_SD: f64 = 0.05;
+/// Standard deviation of ln wind speed where no row carries a wind of its own.
+pub(crate) const SCENARIO_SPEED_LN_SD: f64 = 0.15;
+/// Standard deviation of ln gain of the sensor, where the scenario states none.
+pub(crate) const GAIN_LN_SD: f64 = 0.02;
+/// Two-sided 95 % of a normal quantity.
+const SD_95: f64 = 1.959_964;
 
 /// A positive quantity with its 95 % interval.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Interval {
     /// Median.
     pub value: f64,
@@ -27,8 +53,6 @@ pub struct Interval {
 impl Interval {
     /// That of a quantity whose logarithm is normal about ln `value`.
     pub fn of_ln_normal(value: f64, ln_sd: f64) -> Self {
-        // Two-sided 95 % of a normal quantity.
-        const SD_95: f64 = 1.959_964;
         let at = |sds: f64| value * (sds * ln_sd).exp();
         Self {
             value,
@@ -37,10 +61,20 @@ impl Interval {
             high95: at(SD_95),
         }
     }
+
+    /// That of a positive quantity of which mean and standard deviation are known.
+    pub fn of_mean(value: f64, sd: f64) -> Self {
+        Self::of_ln_normal(value, (sd / value).powi(2).ln_1p().sqrt())
+    }
+
+    /// Standard deviation of its logarithm, by its 95 % interval.
+    pub fn ln_sd(&self) -> f64 {
+        (self.high95 / self.low95).ln() / (2.0 * SD_95)
+    }
 }
 
 /// What makes an interval wide.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Term {
     /// The speed of the wind.
@@ -49,7 +83,7 @@ pub enum Term {
     WindDirection,
     /// The spread of the plume.
     Dispersion,
-    /// The height of source and sensor.
+    /// The height of source and sensor, and what flows above and below the passes.
     Height,
     /// The mole fraction of clean air.
     Background,
@@ -62,12 +96,83 @@ pub enum Term {
 }
 
 /// The share of one term in the variance of ln rate.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Share {
     /// The term.
     pub term: Term,
     /// Its share, 0 to 1.
     pub share: f64,
+}
+
+/// Shares of variances of ln rate, the largest first.
+pub(crate) fn budget(terms: &[(Term, f64)]) -> Vec<Share> {
+    let all: f64 = terms.iter().map(|t| t.1).sum();
+    let mut shares: Vec<Share> = terms
+        .iter()
+        .filter(|(_, variance)| *variance > 0.0)
+        .map(|&(term, variance)| Share {
+            term,
+            share: variance / all,
+        })
+        .collect();
+    shares.sort_by(|a, b| b.share.total_cmp(&a.share));
+    shares
+}
+
+/// The rate of a source by one method, or an upper limit, and what it rests on.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct PlumeFlux {
+    /// The rate, kg/s; none where the plume was not met.
+    pub kg_s: Option<Interval>,
+    /// What the rate is below at 95 %, kg/s, where the plume was not met.
+    pub upper_limit_kg_s: Option<f64>,
+    /// Shares of the variance of ln rate, largest first; empty for an upper limit.
+    pub budget: Vec<Share>,
+    /// Mean distance from source to sensor, m.
+    pub distance_m: f64,
+    /// Direction from which the plume came, degrees in the frame of the wind vane.
+    pub from_deg: f64,
+    /// One standard deviation of that, degrees, where the method estimates it.
+    pub from_sd_deg: Option<f64>,
+    /// Mean wind speed, m/s.
+    pub speed_m_s: f64,
+    /// Medians with the next less and the next more stable class, kg/s; none beyond A and F, and for an upper limit.
+    pub one_class_off_kg_s: [Option<f64>; 2],
+    /// The passes, in order of time.
+    pub passes: Vec<PassFlux>,
+    /// What a reader should know beside the number.
+    pub notes: Vec<String>,
+}
+
+/// A pass of the plume.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct PassFlux {
+    /// Its first sample, s.
+    pub from_s: f64,
+    /// Its last sample, s.
+    pub to_s: f64,
+    /// Rate by this pass alone, or the part of a curtain's rate that it stands for, kg/s.
+    pub kg_s: Option<f64>,
+    /// Mean distance from the source, m.
+    pub distance_m: f64,
+    /// Whether the estimate uses it.
+    pub used: bool,
+    /// Why not.
+    pub reason: Option<String>,
+}
+
+impl PassFlux {
+    /// A way across the wind that is no pass.
+    pub(crate) fn rejected(pass: &plume::curtain::RejectedPass) -> Self {
+        Self {
+            from_s: pass.time_s[0],
+            to_s: pass.time_s[1],
+            kg_s: None,
+            distance_m: pass.distance_m,
+            used: false,
+            reason: Some(pass.reason.to_owned()),
+        }
+    }
 }
 
 /// Why a method gives no rate.

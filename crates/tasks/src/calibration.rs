@@ -48,6 +48,8 @@ pub fn of(
     let mut document = document(&offline, platforms, reference);
     document["peak"] = json!(peak);
     document["gas"] = json!(gas);
+    let emission = crate::flux::emission(setup, observations, &offline);
+    document["emission"] = json!(emission.map(|kg_s| json!({"kg_s": kg_s})));
     Ok(Calibration {
         json: with_gas(&format!("{document:#}\n"), gas),
         offline,

@@ -2,30 +2,73 @@
 
 use crate::TaskError;
 use mission::Setup;
+use plume::Gas;
 use protocol::digest::sha256_hex;
+use protocol::message::Estimate;
 use scenario::observations::Observations;
+use serde::{Deserialize, Serialize};
 use serde_json::json;
-use study::flux::{self, Fluxes, Method};
+use study::combine::{SiteMean, Visit, site_mean};
+use study::flux::{self, Conclusion, Fluxes, Method, Refusal, SourceFlux, Wind};
+use study::{Interval, Share, StudyError};
+use ws::calibration::offline::{self, OfflineCalibration};
+
+mod sheet;
+
+pub use sheet::Sheet;
+
+/// Name and version of the document.
+pub const SCHEMA: &str = "plumage.flux/1";
+/// Standard deviation of ln wind speed of a fit where the scenario states none, as of a forecast or a distant mast.
+const SPEED_LN_SD: f64 = 0.15;
 
 /// A file that was read, for the record.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Input {
     /// Its name.
     pub file: String,
-    /// Its bytes.
-    pub bytes: Vec<u8>,
+    /// SHA-256 of its bytes.
+    pub sha256: String,
+    /// Its rows below the header.
+    pub rows: usize,
+}
+
+impl Input {
+    /// The record of a file with these bytes.
+    pub fn new(file: String, bytes: &[u8]) -> Self {
+        let lines = bytes.iter().filter(|b| **b == b'\n').count();
+        Self {
+            file,
+            sha256: sha256_hex(bytes),
+            rows: lines.saturating_sub(1),
+        }
+    }
 }
 
 /// Rates by every method whose conditions are met.
 #[derive(Debug, Clone)]
 pub struct FluxReport {
-    /// Estimates and refusals.
-    pub fluxes: Fluxes,
+    /// The answer; none where no method applies.
+    pub conclusion: Option<Conclusion>,
+    /// Methods that give none, and why.
+    pub refused: Vec<Refusal>,
+    /// The files.
+    pub inputs: Vec<Input>,
     /// The text of `flux.json`.
     pub json: String,
 }
 
-/// Estimates the rate of the scenario's source from `observations`, which were read from `inputs`.
+/// A gas that is released beside the source.
+#[derive(Debug, Clone)]
+pub struct Tracer {
+    /// Its readings.
+    pub observations: Observations,
+    /// Its rate, kg/s.
+    pub kg_s: f64,
+}
+
+/// Estimates the rate of the scenario's source from `observations`, which were read from `inputs`, by `methods` and, if
+/// given, by the `tracer`.
 ///
 /// # Errors
 /// A scenario that describes no world.
@@ -33,36 +76,342 @@ pub fn of(
     setup: &Setup,
     observations: &Observations,
     methods: &[Method],
-    inputs: &[Input],
+    tracer: Option<&Tracer>,
+    inputs: Vec<Input>,
 ) -> Result<FluxReport, TaskError> {
-    let fluxes = flux::estimate(&setup.scenario, observations, methods)
+    let scenario = &setup.scenario;
+    let mut fluxes = flux::estimate(scenario, observations, methods)
         .map_err(|e| TaskError::Argument(e.to_string()))?;
-    let files: Vec<serde_json::Value> = inputs
+    if methods.contains(&Method::Inversion) {
+        by_fit(setup, observations, methods.len() == 1, &mut fluxes)?;
+    }
+    if let Some(tracer) = tracer {
+        by_tracer(setup, observations, tracer, &mut fluxes);
+    }
+    let conclusion = fluxes.conclude();
+    let sources: Vec<serde_json::Value> = conclusion
         .iter()
-        .map(|input| {
-            let rows = input.bytes.iter().filter(|b| **b == b'\n').count();
-            json!({"file": input.file, "sha256": sha256_hex(&input.bytes), "rows": rows.saturating_sub(1)})
-        })
+        .map(|c| entry(c, &fluxes.refused))
         .collect();
     let document = json!({
-        "schema": "plumage.flux/1",
+        "schema": SCHEMA,
         "version": env!("CARGO_PKG_VERSION"),
-        "inputs": files,
-        "sources": headline(&fluxes).into_iter().collect::<Vec<_>>(),
+        "inputs": inputs,
+        "sources": sources,
         "refused": fluxes.refused,
     });
     Ok(FluxReport {
+        conclusion,
+        refused: fluxes.refused,
+        inputs,
         json: format!("{document:#}\n"),
-        fluxes,
     })
 }
 
-/// The preferred estimate with the others beside it.
-fn headline(fluxes: &Fluxes) -> Option<serde_json::Value> {
-    let (first, others) = fluxes.estimates.split_first()?;
-    let mut entry = json!(first);
-    entry["alternatives"] = json!(others);
-    entry["agreement_p"] = json!(others.first().and_then(|other| first.agreement_p(other)));
-    entry["refused"] = json!(fluxes.refused);
-    Some(entry)
+fn entry(conclusion: &Conclusion, refused: &[Refusal]) -> serde_json::Value {
+    let mut entry = json!(conclusion.headline);
+    entry["alternatives"] = json!(conclusion.alternatives);
+    entry["agreement_p"] = json!(conclusion.agreement_p);
+    entry["refused"] = json!(refused);
+    entry
+}
+
+/// The fit of the whole model, of platforms that move, or of any if `asked` for.
+fn by_fit(
+    setup: &Setup,
+    observations: &Observations,
+    asked: bool,
+    fluxes: &mut Fluxes,
+) -> Result<(), TaskError> {
+    let applies = |m: Method| fluxes.estimates.iter().any(|e| e.method == m);
+    // The plume integrals of the passes are the inversion.
+    if applies(Method::Inversion) {
+        return Ok(());
+    }
+    if !asked && (applies(Method::Point) || applies(Method::Network)) {
+        let reason =
+            "the sensors are at rest; --method inversion fits the whole model all the same";
+        // The passes' own refusal says less.
+        fluxes.refused.retain(|r| r.method != Method::Inversion);
+        fluxes.refused.push(Refusal {
+            method: Method::Inversion,
+            reason: reason.to_owned(),
+        });
+        return Ok(());
+    }
+    let scenario = &setup.scenario;
+    let found = offline::calibrate_in(scenario, &setup.classes, observations, None)
+        .map_err(TaskError::from)
+        .map(|found| emission(setup, observations, &found));
+    match found {
+        Ok(Some(kg_s)) => {
+            fluxes.refused.retain(|r| r.method != Method::Inversion);
+            fluxes.estimates.push(fitted(setup, observations, kg_s));
+        }
+        Ok(None) => refuse_fit(fluxes, "the fit finds no plume in the readings".to_owned()),
+        Err(TaskError::World(error)) => return Err(error.into()),
+        Err(error) => refuse_fit(fluxes, error.to_string()),
+    }
+    Ok(())
+}
+
+fn refuse_fit(fluxes: &mut Fluxes, reason: String) {
+    fluxes.refused.push(Refusal {
+        method: Method::Inversion,
+        reason,
+    });
+}
+
+fn fitted(setup: &Setup, observations: &Observations, kg_s: Interval) -> SourceFlux {
+    let scenario = &setup.scenario;
+    let wind = logged_wind(observations);
+    SourceFlux {
+        name: scenario.sources[0].name.clone(),
+        gas: scenario.gas(),
+        method: Method::Inversion,
+        kg_s: Some(kg_s),
+        upper_limit_kg_s: None,
+        budget: fit_budget(kg_s, speed_ln_sd(setup, observations)),
+        wind: Some(Wind {
+            treatment: if wind.is_some() { "logged" } else { "scenario" },
+            speed_m_s: wind.unwrap_or(scenario.weather.wind_speed_m_s),
+            from_deg: scenario.weather.wind_from_deg,
+            sd_deg: None,
+        }),
+        stability: None,
+        distance_m: 0.0,
+        passes: Vec::new(),
+        notes: vec!["fit of the whole model, as of plumage calibrate".to_owned()],
+    }
+}
+
+/// The wind's share is known; the fit does not part the rest.
+fn fit_budget(kg_s: Interval, speed_ln_sd: f64) -> Vec<Share> {
+    let all = kg_s.ln_sd().powi(2);
+    let speed = (speed_ln_sd.powi(2) / all).min(1.0);
+    vec![
+        Share {
+            term: study::Term::Dispersion,
+            share: 1.0 - speed,
+        },
+        Share {
+            term: study::Term::WindSpeed,
+            share: speed,
+        },
+    ]
+}
+
+/// Mean speed of the logged winds, m/s.
+fn logged_wind(observations: &Observations) -> Option<f64> {
+    let speeds: Vec<f64> = observations
+        .rows
+        .iter()
+        .filter_map(|r| r.wind_speed_m_s)
+        .collect();
+    let n = speeds.len() as f64;
+    (!speeds.is_empty()).then(|| speeds.iter().sum::<f64>() / n)
+}
+
+fn speed_ln_sd(setup: &Setup, observations: &Observations) -> f64 {
+    let scenario = &setup.scenario;
+    let stated = scenario.prior_sd(scenario::uncertain::Uncertain::WindSpeed);
+    let stated = stated.map(|sd| sd / scenario.weather.wind_speed_m_s);
+    match (stated, logged_wind(observations)) {
+        (_, Some(_)) => 0.05,
+        (Some(stated), None) => stated,
+        (None, None) => SPEED_LN_SD,
+    }
+}
+
+/// What the first source emits, by a calibrated model; none where the fit knows nothing of it.
+pub(crate) fn emission(
+    setup: &Setup,
+    observations: &Observations,
+    found: &OfflineCalibration,
+) -> Option<Interval> {
+    let reference_m_s = setup.scenario.weather.wind_speed_m_s;
+    let wind = Estimate {
+        value: reference_m_s,
+        sd: reference_m_s * speed_ln_sd(setup, observations),
+    };
+    let (_, kg_s) = found.calibrator.flux(wind).into_iter().next()?;
+    let is_known = kg_s.value > 0.0 && kg_s.sd > 0.0 && kg_s.sd.is_finite();
+    is_known.then(|| Interval::of_mean(kg_s.value, kg_s.sd))
+}
+
+fn by_tracer(setup: &Setup, observations: &Observations, tracer: &Tracer, fluxes: &mut Fluxes) {
+    let by = (&tracer.observations, tracer.kg_s);
+    match study::tracer::estimate(observations, by) {
+        Ok(found) => {
+            let scenario = &setup.scenario;
+            let estimate = SourceFlux {
+                name: scenario.sources[0].name.clone(),
+                gas: observations.gas,
+                method: Method::Tracer,
+                kg_s: Some(found.kg_s),
+                upper_limit_kg_s: None,
+                budget: found.budget,
+                wind: None,
+                stability: None,
+                distance_m: 0.0,
+                passes: Vec::new(),
+                notes: vec![format!(
+                    "ratio to {} over {} minutes, correlation {:.2}",
+                    tracer.observations.gas.formula(),
+                    found.blocks,
+                    found.correlation
+                )],
+            };
+            // The best method there is.
+            fluxes.estimates.insert(0, estimate);
+        }
+        Err(StudyError::Refused(reason)) => fluxes.refused.push(Refusal {
+            method: Method::Tracer,
+            reason,
+        }),
+        Err(StudyError::World(error)) => fluxes.refused.push(Refusal {
+            method: Method::Tracer,
+            reason: error.to_string(),
+        }),
+    }
+}
+
+/// A `flux.json` as a visit.
+#[derive(Debug, Deserialize)]
+struct Read {
+    schema: String,
+    sources: Vec<ReadSource>,
+}
+
+#[derive(Debug, Deserialize)]
+struct ReadSource {
+    name: String,
+    gas: Gas,
+    kg_s: Option<Interval>,
+    upper_limit_kg_s: Option<f64>,
+    #[serde(default)]
+    budget: Vec<Share>,
+}
+
+/// The mean of one source over several visits.
+#[derive(Debug, Clone)]
+pub struct SourceMean {
+    /// The source.
+    pub name: String,
+    /// Its gas.
+    pub gas: Gas,
+    /// The mean.
+    pub mean: SiteMean,
+    /// What a reader should know.
+    pub notes: Vec<String>,
+}
+
+/// The means over visits, and the text of `flux.json`.
+#[derive(Debug, Clone)]
+pub struct CombinedReport {
+    /// One entry a source and gas.
+    pub sources: Vec<SourceMean>,
+    /// The text of `flux.json`.
+    pub json: String,
+}
+
+/// Combines the `flux.json` files of several visits, each with its text.
+///
+/// # Errors
+/// A text that is no `flux.json`, or visits without a source in common.
+pub fn combine(files: &[(String, String)]) -> Result<CombinedReport, TaskError> {
+    let mut visits: Vec<(String, Gas, Vec<Visit>, Vec<String>)> = Vec::new();
+    let mut inputs = Vec::new();
+    for (file, text) in files {
+        let read: Read = serde_json::from_str(text)
+            .map_err(|e| TaskError::Argument(format!("{file}: expected a flux.json: {e}")))?;
+        if read.schema != SCHEMA {
+            return Err(TaskError::Argument(format!(
+                "{file}: schema {}; expected {SCHEMA}",
+                read.schema
+            )));
+        }
+        inputs.push(json!({
+            "file": file,
+            "sha256": sha256_hex(text.as_bytes()),
+            "rows": read.sources.len(),
+        }));
+        for source in read.sources {
+            let at = visits
+                .iter()
+                .position(|v| v.0 == source.name && v.1 == source.gas);
+            let at = at.unwrap_or_else(|| {
+                visits.push((source.name.clone(), source.gas, Vec::new(), Vec::new()));
+                visits.len() - 1
+            });
+            let slot = &mut visits[at];
+            match (source.kg_s, source.upper_limit_kg_s) {
+                (Some(kg_s), _) => slot.2.push(Visit {
+                    kg_s,
+                    budget: source.budget,
+                }),
+                (None, Some(limit)) => {
+                    // A rate anywhere between nothing and the limit: its mean, and the standard deviation of a uniform quantity.
+                    slot.2.push(Visit {
+                        kg_s: Interval::of_mean(0.5 * limit, limit / 12f64.sqrt()),
+                        budget: Vec::new(),
+                    });
+                    slot.3.push(format!(
+                        "{file} gives an upper limit, and counts as half of it"
+                    ));
+                }
+                (None, None) => {}
+            }
+        }
+    }
+    let sources: Vec<SourceMean> = visits
+        .into_iter()
+        .filter_map(|(name, gas, visits, mut notes)| {
+            let mean = site_mean(&visits)?;
+            notes.insert(0, format!("mean of {} visits", visits.len()));
+            Some(SourceMean {
+                name,
+                gas,
+                mean,
+                notes,
+            })
+        })
+        .collect();
+    if sources.is_empty() {
+        return Err(TaskError::Argument(
+            "the files state no rate and no upper limit; expected flux.json files with sources"
+                .to_owned(),
+        ));
+    }
+    let entries: Vec<serde_json::Value> = sources
+        .iter()
+        .map(|s| {
+            json!({
+                "name": s.name,
+                "gas": s.gas,
+                "method": Method::Combined,
+                "kg_s": s.mean.kg_s,
+                "upper_limit_kg_s": null,
+                "budget": s.mean.budget,
+                "wind": null,
+                "stability": null,
+                "passes": [],
+                "notes": s.notes,
+                "alternatives": [],
+                "agreement_p": s.mean.agreement_p,
+                "refused": [],
+            })
+        })
+        .collect();
+    let document = json!({
+        "schema": SCHEMA,
+        "version": env!("CARGO_PKG_VERSION"),
+        "inputs": inputs,
+        "sources": entries,
+        "refused": [],
+    });
+    Ok(CombinedReport {
+        sources,
+        json: format!("{document:#}\n"),
+    })
 }

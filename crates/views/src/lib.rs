@@ -37,12 +37,15 @@
 //! - [`report`]: `report.html` of a mission;
 //! - [`gap_report`]: `report.html` of a gap analysis;
 //! - [`campaign_report`]: `campaign.html` of many missions;
+//! - [`flux_report`]: `report.html` of an emission rate, with a sheet to sign;
 //! - [`tune_report`]: `report.html` of a tuning;
 //! - [`tiles`]: raster tiles under the page's map, which [`mbtiles`] reads from a file;
 //! - [`site`]: the map they share.
 
 pub mod campaign_report;
 mod figure;
+mod flux_figures;
+pub mod flux_report;
 pub mod foxglove;
 pub mod gap_report;
 mod html;

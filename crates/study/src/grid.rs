@@ -1,0 +1,82 @@
+//! Quantities with weights on a grid.
+
+use crate::Interval;
+
+/// Grids of normal quantities reach so many standard deviations.
+const GRID_SD: f64 = 2.5;
+
+/// `steps` values of a standard normal quantity with their weights, which sum to one.
+pub(crate) fn normal_grid(steps: usize) -> Vec<(f64, f64)> {
+    let at = |k: usize| GRID_SD * (2.0 * k as f64 / (steps - 1) as f64 - 1.0);
+    let all: f64 = (0..steps).map(|k| (-0.5 * at(k).powi(2)).exp()).sum();
+    (0..steps)
+        .map(|k| (at(k), (-0.5 * at(k).powi(2)).exp() / all))
+        .collect()
+}
+
+/// Mean of weighted values.
+pub(crate) fn mean(values: &[(f64, f64)]) -> f64 {
+    let all: f64 = values.iter().map(|v| v.1).sum();
+    values.iter().map(|(x, w)| x * w).sum::<f64>() / all
+}
+
+/// Variance of weighted values.
+pub(crate) fn variance(values: &[(f64, f64)]) -> f64 {
+    let all: f64 = values.iter().map(|v| v.1).sum();
+    let mean = mean(values);
+    values
+        .iter()
+        .map(|(x, w)| w * (x - mean).powi(2))
+        .sum::<f64>()
+        / all
+}
+
+/// Variance of the means of groups of (group, sum, weight).
+pub(crate) fn explained(parts: &[(f64, f64, f64)]) -> f64 {
+    let mut groups: Vec<(f64, f64, f64)> = Vec::new();
+    for &(key, sum, weight) in parts {
+        match groups.iter_mut().find(|g| g.0 == key) {
+            Some(group) => (group.1, group.2) = (group.1 + sum, group.2 + weight),
+            None => groups.push((key, sum, weight)),
+        }
+    }
+    let means: Vec<(f64, f64)> = groups
+        .iter()
+        .filter(|g| g.2 > 0.0)
+        .map(|g| (g.1 / g.2, g.2))
+        .collect();
+    variance(&means)
+}
+
+/// The interval of a quantity whose logarithm has these values and weights, wider about its mean by an independent normal
+/// quantity of standard deviation `extra_sd`.
+pub(crate) fn interval(mut ln_values: Vec<(f64, f64)>, extra_sd: f64) -> Interval {
+    let mean = mean(&ln_values);
+    let factor = (1.0 + extra_sd * extra_sd / variance(&ln_values)).sqrt();
+    for value in &mut ln_values {
+        value.0 = mean + factor * (value.0 - mean);
+    }
+    ln_values.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let all: f64 = ln_values.iter().map(|r| r.1).sum();
+    let at = |part: f64| {
+        let (mut below, mut before) = (0.0, ln_values[0].0);
+        for &(ln, weight) in &ln_values {
+            let next = below + weight;
+            if next >= part * all {
+                // Between the steps of the grid.
+                let within = (part * all - below) / weight;
+                return (before + within * (ln - before)).exp();
+            }
+            (below, before) = (next, ln);
+        }
+        f64::NAN
+    };
+    // One standard deviation of a normal quantity to both sides.
+    const ONE_SD: [f64; 2] = [0.158_655, 0.841_345];
+    Interval {
+        value: at(0.5),
+        sd: 0.5 * (at(ONE_SD[1]) - at(ONE_SD[0])),
+        low95: at(0.025),
+        high95: at(0.975),
+    }
+}

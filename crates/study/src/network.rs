@@ -1,0 +1,334 @@
+//! The emission rate of one source from several sensors at rest.
+//!
+//! Each sensor shows the plume's crosswind profile at its distance as in [`crate::point`]. Rate, direction of the wind
+//! against the vane, width, σz and height are common to all sensors; beside them, each sensor differs by a factor of its
+//! own, since a Gaussian plume predicts no single place better. The posterior of the rate is computed on a grid.
+
+use crate::clean_air::{Excess, of_network};
+use crate::grid::{explained, interval, mean, normal_grid, variance};
+use crate::point::upper_limit_kg_s;
+use crate::profile::{DIRECTION_SD_DEG, PROFILE_FLOOR, Shape, moment};
+use crate::sectors::{
+    EDDY_S, REACH_DEG, Sector, background_lever, highest, peaks_at_edge, sectors, stands_out,
+};
+use crate::stations::{Reading, Station, stations};
+use crate::vertical::Vertical;
+use crate::{GAIN_LN_SD, LOGGED_SPEED_LN_SD, PlumeFlux, StudyError, Term, budget};
+use plume::DispersionSpec;
+use scenario::Scenario;
+use scenario::observations::{Observations, checks};
+use std::collections::BTreeMap;
+
+/// Fewest readings of a sector: networks report means over a minute or more.
+const LEAST_READINGS: usize = 3;
+/// Standard deviation of ln of what one sensor reads against the plume that fits all: a geometric variance of 1.3, where
+/// a model that is called good has 1.6 or less (Chang & Hanna 2004, Meteor. Atmos. Phys. 87:167).
+const STATION_LN_SD: f64 = 0.5;
+/// The wind that is logged brings the gas if it does so within this time, s: it turns later. To sensors farther away, a wind
+/// of its mean speed or more brings it.
+const TRAVEL_S: f64 = EDDY_S;
+/// The grid of rates is centred for this vertical density at least, 1/m: a plume that is thinner at the strongest sensor
+/// has a wrong σz.
+const LEAST_DENSITY_1_M: f64 = 0.01;
+/// Steps of the grids of normal quantities.
+const GRID_STEPS: usize = 13;
+/// Grids of ln area of a sensor and of ln rate, each about a moment estimate: reach below and above, and steps.
+const AREA_REACH_LN: [f64; 2] = [9.0, 7.0];
+const AREA_STEP_LN: f64 = 0.1;
+const RATE_REACH_LN: f64 = 5.0;
+const RATE_STEPS: usize = 201;
+
+/// Estimates the rate of the source of `scenario` from `observations` of several platforms at rest.
+///
+/// # Errors
+/// [`StudyError::Refused`] where the observations do not meet the method's conditions; a scenario that describes no
+/// world.
+pub fn estimate(scenario: &Scenario, observations: &Observations) -> Result<PlumeFlux, StudyError> {
+    let spec = scenario.dispersion_spec()?;
+    let frame = scenario.frame()?;
+    let checked = checks::check(observations, &spec, &frame).observations;
+    let stations = stations(&spec, &frame, &checked)?;
+    if stations.len() < 2 {
+        let refusal = format!("{} platforms read; expected two or more", stations.len());
+        return Err(StudyError::Refused(refusal));
+    }
+    let excesses = of_network(&stations, spec.sensor.noise_sd_ppm);
+    let views: Vec<View<'_>> = stations
+        .iter()
+        .zip(excesses)
+        .filter_map(|(station, excess)| View::new(station, excess))
+        .collect();
+    if views.is_empty() {
+        return Err(StudyError::Refused(format!(
+            "the wind never blew within {REACH_DEG} degrees of the direction from the source to a sensor for {LEAST_READINGS} readings"
+        )));
+    }
+    Ok(flux(&Vertical::new(scenario, &spec), &stations, &views))
+}
+
+/// What a station shows of the plume.
+struct View<'a> {
+    station: &'a Station,
+    excess: Excess,
+    sectors: Vec<Sector>,
+}
+
+impl<'a> View<'a> {
+    /// None of a station to which the wind never blew.
+    fn new(station: &'a Station, mut excess: Excess) -> Option<Self> {
+        excess.readings = carried(station, excess.readings);
+        let sectors = sectors(&excess, LEAST_READINGS);
+        (!sectors.is_empty()).then_some(Self {
+            station,
+            excess,
+            sectors,
+        })
+    }
+}
+
+/// Readings in a wind that brings gas from the source as it is logged: not in a calm, in which it drifts about.
+fn carried(station: &Station, readings: Vec<Reading>) -> Vec<Reading> {
+    let mut by_eddy: BTreeMap<i64, (f64, f64)> = BTreeMap::new();
+    let eddy = |r: &Reading| (r.time_s / EDDY_S).floor() as i64;
+    for r in &readings {
+        let slot = by_eddy.entry(eddy(r)).or_default();
+        *slot = (slot.0 + r.speed_m_s, slot.1 + 1.0);
+    }
+    let enough_m_s = (station.distance_m / TRAVEL_S).min(station.mean_speed_m_s());
+    readings
+        .into_iter()
+        .filter(|r| {
+            by_eddy
+                .get(&eddy(r))
+                .is_some_and(|(sum, n)| sum / n >= enough_m_s)
+        })
+        .collect()
+}
+
+fn flux(vertical: &Vertical<'_>, stations: &[Station], views: &[View<'_>]) -> PlumeFlux {
+    let n = stations.len() as f64;
+    let speed_m_s = stations.iter().map(Station::mean_speed_m_s).sum::<f64>() / n;
+    let mut out = PlumeFlux {
+        distance_m: stations.iter().map(|s| s.distance_m).sum::<f64>() / n,
+        from_deg: vertical.spec.wind.from_deg(),
+        speed_m_s,
+        ..PlumeFlux::default()
+    };
+    let met: Vec<&View<'_>> = views.iter().filter(|v| stands_out(&v.sectors)).collect();
+    if met.is_empty() {
+        let limits = views
+            .iter()
+            .map(|v| upper_limit_kg_s(vertical, v.station, &v.sectors));
+        out.upper_limit_kg_s = Some(limits.fold(f64::INFINITY, f64::min));
+        out.notes.push("the plume was not met".into());
+        return out;
+    }
+    let posterior = Posterior::of(vertical, views, speed_m_s);
+    let weight = |v: &&View<'_>| moment(&v.sectors, v.station.distance_m);
+    let all: f64 = met.iter().map(weight).sum();
+    let background = met
+        .iter()
+        .map(|v| {
+            let lever = background_lever(&v.sectors, speed_m_s, PROFILE_FLOOR);
+            v.excess.background_sd_ppm * lever * weight(v) / all
+        })
+        .sum::<f64>();
+    // Stations share what none of them is worth alone.
+    let station_variance = STATION_LN_SD.powi(2) / met.len() as f64;
+    let rest = posterior.rest_variance;
+    out.budget = budget(&[
+        (Term::WindSpeed, LOGGED_SPEED_LN_SD.powi(2)),
+        (Term::Sensor, GAIN_LN_SD.powi(2)),
+        (Term::Background, background.powi(2)),
+        (Term::WindDirection, posterior.direction_variance),
+        (Term::Dispersion, posterior.dispersion_variance),
+        (Term::Height, posterior.height_variance),
+        (Term::Representativeness, station_variance.min(rest)),
+        (Term::Turbulence, (rest - station_variance).max(0.0)),
+    ]);
+    let extra_sd = LOGGED_SPEED_LN_SD.hypot(GAIN_LN_SD).hypot(background);
+    let rate = interval(posterior.ln_rate, extra_sd);
+    out.from_deg = air::geo::wrap_deg(out.from_deg + posterior.direction_deg);
+    out.from_sd_deg = Some(posterior.direction_sd_deg);
+    let strongest = met.iter().max_by(|a, b| weight(a).total_cmp(&weight(b)));
+    if let Some(strongest) = strongest {
+        out.one_class_off_kg_s = vertical.one_class_off(strongest.station.at(), rate.value);
+    }
+    out.notes.push(format!(
+        "the plume was met by {} of {} sensors: {}",
+        met.len(),
+        stations.len(),
+        met.iter()
+            .map(|v| format!("{} at {:.0} m", v.station.name, v.station.distance_m))
+            .collect::<Vec<_>>()
+            .join(", ")
+    ));
+    if met.iter().all(|v| peaks_at_edge(&v.sectors)) {
+        out.notes.push(
+            "the highest sector of every sensor is at the edge of its wind directions: the middle of the plume was not seen"
+                .into(),
+        );
+    }
+    out.kg_s = Some(rate);
+    out
+}
+
+/// The posterior of ln rate, kg/s.
+struct Posterior {
+    /// ln rate with its weight.
+    ln_rate: Vec<(f64, f64)>,
+    direction_deg: f64,
+    direction_sd_deg: f64,
+    direction_variance: f64,
+    dispersion_variance: f64,
+    height_variance: f64,
+    /// What none of these explains.
+    rest_variance: f64,
+}
+
+/// ln likelihood of one station by direction, width and ln area.
+struct ByArea {
+    /// ln of the lowest area, ppm m²/s.
+    lowest: f64,
+    /// Direction by direction, in each width by width.
+    ln: Vec<Vec<f64>>,
+}
+
+impl ByArea {
+    fn of(spec: &DispersionSpec, view: &View<'_>, middle: f64, speed_m_s: f64) -> Self {
+        let lowest = middle - AREA_REACH_LN[0];
+        let steps = ((AREA_REACH_LN[0] + AREA_REACH_LN[1]) / AREA_STEP_LN).round() as usize + 1;
+        let floor = PROFILE_FLOOR * highest(&view.sectors);
+        let place = (view.station.distance_m, speed_m_s);
+        let mut ln = Vec::new();
+        for (direction, _) in normal_grid(GRID_STEPS) {
+            for (width, _) in normal_grid(GRID_STEPS) {
+                let shape = Shape::new(spec, place, [direction, width]);
+                let at = |k: usize| (lowest + AREA_STEP_LN * k as f64).exp();
+                let own = (0..steps)
+                    .map(|k| shape.ln_quasi_likelihood(&view.sectors, at(k), floor))
+                    .collect::<Vec<f64>>();
+                ln.push(scattered(&own));
+            }
+        }
+        Self { lowest, ln }
+    }
+
+    /// At a step of direction and width, and an ln area.
+    fn at(&self, shape: usize, ln_area: f64) -> f64 {
+        let row = &self.ln[shape];
+        let steps = ((ln_area - self.lowest) / AREA_STEP_LN).clamp(0.0, (row.len() - 1) as f64);
+        let below = (steps as usize).min(row.len() - 2);
+        let part = steps - below as f64;
+        row[below] * (1.0 - part) + row[below + 1] * part
+    }
+}
+
+/// The ln likelihood of a station whose ln area scatters about what the plume has there.
+fn scattered(ln: &[f64]) -> Vec<f64> {
+    let top = ln.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let reach = (3.0 * STATION_LN_SD / AREA_STEP_LN) as isize;
+    let bell = |k: isize| (-0.5 * (k as f64 * AREA_STEP_LN / STATION_LN_SD).powi(2)).exp();
+    let all: f64 = (-reach..=reach).map(bell).sum();
+    let last = ln.len() as isize - 1;
+    let at = |k: isize| (ln[k.clamp(0, last) as usize] - top).exp();
+    (0..=last)
+        .map(|k| {
+            let sum: f64 = (-reach..=reach).map(|off| bell(off) * at(k + off)).sum();
+            top + (sum / all).max(f64::MIN_POSITIVE).ln()
+        })
+        .collect()
+}
+
+impl Posterior {
+    fn of(vertical: &Vertical<'_>, views: &[View<'_>], speed_m_s: f64) -> Self {
+        let middle = |v: &View<'_>| moment(&v.sectors, v.station.distance_m);
+        let strongest = views.iter().map(middle).fold(0.0, f64::max).ln();
+        let by_area: Vec<ByArea> = views
+            .iter()
+            .map(|v| ByArea::of(vertical.spec, v, strongest, speed_m_s))
+            .collect();
+        // About what the strongest station shows at the density of all.
+        let density = |off: [f64; 2], v: &View<'_>| {
+            let own = vertical.density_1_m(v.station.at(), vertical.spec.stability, off);
+            // The density falls below what numbers hold where σz is small.
+            let per_ppm = vertical.kg_m3_per_ppm(v.station.height_agl_m);
+            own.max(f64::MIN_POSITIVE).ln() - per_ppm.ln()
+        };
+        let best = views
+            .iter()
+            .max_by(|a, b| middle(a).total_cmp(&middle(b)))
+            .map_or(0.0, |v| {
+                let per_ppm = vertical.kg_m3_per_ppm(v.station.height_agl_m);
+                density([0.0; 2], v).max((LEAST_DENSITY_1_M / per_ppm).ln())
+            });
+        let rates: Vec<f64> = (0..RATE_STEPS)
+            .map(|k| {
+                let part = 2.0 * k as f64 / (RATE_STEPS - 1) as f64 - 1.0;
+                strongest - best + RATE_REACH_LN * part
+            })
+            .collect();
+        let shapes: Vec<(f64, f64, f64)> = normal_grid(GRID_STEPS)
+            .into_iter()
+            .flat_map(|(direction, by_direction)| {
+                normal_grid(GRID_STEPS)
+                    .into_iter()
+                    .map(move |(width, by_width)| (direction, width, by_direction * by_width))
+            })
+            .collect();
+        let mut cells = Vec::new();
+        for (sigma_z, by_sigma_z) in normal_grid(GRID_STEPS) {
+            for (height, by_height) in vertical.height_steps(GRID_STEPS) {
+                let densities: Vec<f64> = views
+                    .iter()
+                    .map(|v| density([sigma_z, height], v))
+                    .collect();
+                for (k, &(direction, width, by_shape)) in shapes.iter().enumerate() {
+                    let beforehand = (by_shape * by_sigma_z * by_height).ln();
+                    let at = |rate: &f64| {
+                        let of = |(own, density): (&ByArea, &f64)| own.at(k, rate + density);
+                        beforehand + by_area.iter().zip(&densities).map(of).sum::<f64>()
+                    };
+                    let ln: Vec<f64> = rates.iter().map(at).collect();
+                    cells.push(([direction, width, sigma_z, height], ln));
+                }
+            }
+        }
+        Self::summed(&rates, &cells)
+    }
+
+    fn summed(rates: &[f64], cells: &[([f64; 4], Vec<f64>)]) -> Self {
+        let top = cells
+            .iter()
+            .flat_map(|(_, ln)| ln)
+            .fold(f64::NEG_INFINITY, |a, b| a.max(*b));
+        let mut ln_rate: Vec<(f64, f64)> = rates.iter().map(|r| (*r, 0.0)).collect();
+        let mut by: [Vec<(f64, f64, f64)>; 4] = Default::default();
+        let mut directions = Vec::new();
+        for (at, ln) in cells {
+            let (mut weight, mut sum) = (0.0, 0.0);
+            for (slot, l) in ln_rate.iter_mut().zip(ln) {
+                let w = (l - top).exp();
+                slot.1 += w;
+                weight += w;
+                sum += w * slot.0;
+            }
+            for (parts, value) in by.iter_mut().zip(at) {
+                parts.push((*value, sum, weight));
+            }
+            directions.push((DIRECTION_SD_DEG * at[0], weight));
+        }
+        let [direction_variance, width, sigma_z, height_variance] = by.map(|p| explained(&p));
+        let dispersion_variance = width + sigma_z;
+        let told = direction_variance + dispersion_variance + height_variance;
+        Self {
+            rest_variance: (variance(&ln_rate) - told).max(0.0),
+            ln_rate,
+            direction_deg: mean(&directions),
+            direction_sd_deg: variance(&directions).sqrt(),
+            direction_variance,
+            dispersion_variance,
+            height_variance,
+        }
+    }
+}

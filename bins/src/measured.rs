@@ -22,7 +22,7 @@ pub struct ObservationInput {
     /// Scenario with site, weather and sources (TOML)
     #[arg(long, value_name = "FILE", help_heading = "Input")]
     pub scenario: PathBuf,
-    /// Gas to use from the observations: co2, ch4, n2o and so on, or one of the scenario's [[gas]] [default:
+    /// Gas to use from the observations: co2, ch4, n2o and so on, or one that the scenario defines [default:
     /// that of the first source]
     #[arg(long, value_name = "GAS", help_heading = "Input")]
     pub gas: Option<Gas>,

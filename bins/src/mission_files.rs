@@ -35,7 +35,7 @@ pub struct LengthAndGas {
     /// Length of a mission, 1 to 1000000 simulated s [default: the scenario's]
     #[arg(long, value_name = "S", value_parser = ranges::duration_s)]
     pub duration: Option<f64>,
-    /// Gas that the sensors measure: co2, ch4, n2o and so on, or one of the scenario's [[gas]] [default:
+    /// Gas that the sensors measure: co2, ch4, n2o and so on, or one that the scenario defines [default:
     /// that of the first source]
     #[arg(long, value_name = "GAS")]
     pub gas: Option<Gas>,

@@ -59,7 +59,7 @@ struct EstimateArguments {
     /// Scenario with site, weather and source (TOML)
     #[arg(long, value_name = "FILE", help_heading = "Input")]
     scenario: PathBuf,
-    /// Gas to use from the observations: co2, ch4, n2o and so on, or one of the scenario's [[gas]] [default:
+    /// Gas to use from the observations: co2, ch4, n2o and so on, or one that the scenario defines [default:
     /// that of the first source]
     #[arg(long, value_name = "GAS", help_heading = "Input")]
     gas: Option<Gas>,

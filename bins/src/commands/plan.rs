@@ -35,7 +35,7 @@ pub struct PlanArguments {
     /// Air in these realities [default: the scenario's]
     #[arg(long, value_enum)]
     pub air: Option<Air>,
-    /// Gas that the sensors measure: co2, ch4, n2o and so on, or one of the scenario's [[gas]] [default:
+    /// Gas that the sensors measure: co2, ch4, n2o and so on, or one that the scenario defines [default:
     /// that of the first source]
     #[arg(long, value_name = "GAS")]
     pub gas: Option<Gas>,

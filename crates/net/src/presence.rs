@@ -3,7 +3,7 @@
 //! Each agent shows a liveliness token for as long as its process lives. Anybody may declare one, so it is a hint and no
 //! proof: the roll is called when a token comes or goes and once a second, with a random question that only the
 //! holder of the mission's key can answer, on a key that access control lets the agent's host alone answer. A
-//! [thread of its own](crate::asking) answers calls, however long the agent itself computes.
+//! thread of its own answers calls, however long the agent itself computes.
 //!
 //! An agent is present while its token is there and it answers. It is missing since its last answer.
 

@@ -475,15 +475,19 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         noise: Noise,
         inflation: Vec<f64>,
     ) -> Result<Fit, InferError> {
-        let (mut point, mut metric) = self.settle_normal(start, shape, &noise, &inflation)?;
+        let (mut point, mut metric, mut here) =
+            self.settle_normal(start, shape, &noise, &inflation)?;
+        // A normal fluctuation is linear as it is.
+        let mut misfit = here.misfit.clone();
         if self.fluctuation == FluctuationLaw::LogNormal {
             (point, metric) = self.settle_log_normal(point, shape, &noise, &metric.inflation)?;
+            here = self.linearised(&point, shape, &metric)?;
+            let there = self.model.predict(&point.at, &self.turns(&point))?;
+            let mean = shape.growth(&here.bumps, &point, &Fluctuation::none(self.rows.len()));
+            misfit = self.misfit(&there, &mean);
         }
-        let here = self.linearised(&point, shape, &metric)?;
-        let there = self.model.predict(&point.at, &self.turns(&point))?;
-        let mean = shape.growth(&here.bumps, &point, &Fluctuation::none(self.rows.len()));
         Ok(Fit {
-            misfit: self.misfit(&there, &mean),
+            misfit,
             point,
             noise,
             sizes: shape.sizes,
@@ -495,14 +499,14 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         })
     }
 
-    /// The point that normal fluctuation lets settle, with the metric there.
+    /// The point that normal fluctuation lets settle, with the metric and the model linearised there.
     fn settle_normal(
         &self,
         start: Point,
         shape: &Shape<'_>,
         noise: &Noise,
         inflation: &[f64],
-    ) -> Result<(Point, Metric), InferError> {
+    ) -> Result<(Point, Metric, Linearised), InferError> {
         let mut point = start;
         let metric_at = |point: &Point, inflation: &[f64]| -> Result<Metric, InferError> {
             let loadings = self.loadings(point, shape.basis, noise)?;
@@ -526,10 +530,10 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
                 break;
             }
         }
-        Ok((point, metric))
+        Ok((point, metric, here))
     }
 
-    /// The same of log-normal fluctuation, from a point near it.
+    /// The point that log-normal fluctuation lets settle from one near it, with the metric there.
     fn settle_log_normal(
         &self,
         start: Point,

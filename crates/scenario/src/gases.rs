@@ -29,7 +29,7 @@ impl Scenario {
     /// Gives every gas of sources, sensors and vehicles that the table does not have the molar mass that `[[gas]]` states.
     ///
     /// # Errors
-    /// A definition that is none, or twice there, and a gas that nothing defines.
+    /// An invalid or repeated definition, and a gas without a definition.
     pub(crate) fn define_gases(&mut self) -> Result<(), Refusal> {
         let mut defined = Vec::new();
         for (k, stated) in self.gases.iter().enumerate() {

@@ -28,7 +28,7 @@ impl MetricPosition {
     /// The position of the log `name` as `map` states it.
     ///
     /// # Errors
-    /// A zone or an origin that is none, or a column that there is not.
+    /// An invalid zone or origin, or a missing column.
     pub fn find(name: &str, layout: &Layout, map: &PositionMap) -> Result<Self, ImportError> {
         let error = |what: String, todo: &str| {
             ImportError::log(name, format!("[log.position]: {what}"), todo)

@@ -5,6 +5,7 @@ use crate::progress::Waiting;
 use crate::{Failure, measured, mission_files};
 use record::files;
 use scenario::Scenario;
+use scenario::tables::SensorTable;
 use scenario::uncertain::Uncertain;
 use std::path::PathBuf;
 
@@ -20,6 +21,9 @@ pub struct CalibrateArguments {
     /// Platform whose sensor is the reference for the others
     #[arg(long, value_name = "PLATFORM", help_heading = "Input")]
     pub reference: Option<String>,
+    /// Also write the noise of the sensor into scenario.toml, with how well it is now known
+    #[arg(long, help_heading = "Outputs")]
+    pub learn_noise: bool,
     /// Folder for scenario.toml and calibration.json
     #[arg(long, value_name = "DIR", help_heading = "Outputs")]
     pub out: PathBuf,
@@ -38,9 +42,12 @@ pub fn calibrate(arguments: &CalibrateArguments) -> Result<(), Failure> {
     measured::tell(&observations.notices);
     let reference = arguments.reference.as_deref();
     let waiting = Waiting::new("calibrating the scenario");
-    let calibration =
+    let mut calibration =
         tasks::calibration::of(&setup, &observations, reference).map_err(mission_files::option)?;
     drop(waiting);
+    if arguments.learn_noise {
+        calibration.offline.learn_noise();
+    }
     let offline = &calibration.offline;
     files::prepare_folder(&arguments.out, arguments.force).map_err(Failure::input)?;
     let write =
@@ -55,6 +62,9 @@ pub fn calibrate(arguments: &CalibrateArguments) -> Result<(), Failure> {
         observations.platforms.len()
     );
     tell_changes(&setup.scenario, &offline.scenario);
+    if arguments.learn_noise {
+        tell_noise(offline.scenario.sensor());
+    }
     for (k, platform) in observations.platforms.iter().enumerate() {
         if let Some(zero) = offline.calibrator.zero_ppm(k) {
             let label = format!("zero_ppm of {platform}");
@@ -90,6 +100,35 @@ fn tell_changes(before: &Scenario, after: &Scenario) {
                 .map_or(String::new(), |sd| format!(" ± {}", figure(sd)));
             let (was, is) = (figure(was), figure(is));
             println!("{:32} {was:>10} -> {is:>10}{sd}", key.key(after.gas()));
+        }
+    }
+}
+
+/// What was learned of a sensor's noise.
+fn tell_noise(sensor: &SensorTable) {
+    for (key, value, within) in [
+        (
+            "noise_sd_ppm",
+            sensor.noise_sd_ppm,
+            sensor.noise_sd_ppm_known_within,
+        ),
+        (
+            "slow_sd_ppm",
+            sensor.slow_sd_ppm,
+            sensor.slow_sd_ppm_known_within,
+        ),
+        (
+            "slow_time_s",
+            sensor.slow_time_s,
+            sensor.slow_time_s_known_within,
+        ),
+    ] {
+        if let (Some(value), Some(within)) = (value, within) {
+            let label = format!("sensor.{key}");
+            println!(
+                "{label:32} {} within a factor of {within:.2}",
+                figure(value)
+            );
         }
     }
 }

@@ -8,38 +8,45 @@
 
 mod answer;
 mod apply;
+mod averaged;
 mod catalogue;
 pub(crate) mod data;
 mod fixes;
 mod gain;
 mod gate;
+mod known_noise;
 mod logged;
 mod model;
 mod next_flight;
 mod own;
 mod pair;
+mod records;
 mod report;
 mod residual;
+mod rest;
 mod second_source;
 mod wind;
 pub(crate) mod zero;
 
 pub use apply::apply;
-pub use data::{Prior, Setup, every, in_classes};
-pub use fixes::without_jitter;
-pub use model::{LEVELS, PlumeModel, Unknown, at_coordinates, plume_place, priors_about};
-pub use own::{HELD, own_zeros};
+pub use averaged::Averaging;
+pub use data::{Prior, Setup};
+pub use model::{PlumeModel, Unknown, at_coordinates, plume_place, priors_about};
+pub use own::HELD;
+pub use records::{Records, sensor_sd};
 pub use report::{GapReport, Series};
+pub use wind::Carried;
+
+use std::borrow::Cow;
 
 use ::plume::stability::Stability;
-use infer::{Contact, ForwardModel, Found, InferError, Judgement, Policy, Question, Rows};
+use infer::{Contact, ForwardModel, Found, InferError, Judgement, Policy, Question};
 use scenario::observations::{Observations, checks};
 
 use crate::GapError;
 use crate::verdict::{GapJson, Readings, Verdict};
 use catalogue::Tried;
 use data::Data;
-use model::Scale;
 
 /// How the analysis is run.
 #[derive(Debug, Clone, PartialEq)]
@@ -131,9 +138,6 @@ pub const ROWS_OF_A_SEARCH: usize = 800;
 const MOST_ROWS: usize = 20_000;
 /// The same where little time is to be had.
 const ROWS_OF_A_LIVE_SEARCH: usize = 200;
-/// The sensor's noise where the scenario states none, in parts of the smallest difference between
-/// readings: rounding.
-const ROUNDING: f64 = 0.3;
 /// Readings follow the plume where passes gain at least this part there of what they gain in
 /// whatever direction: half.
 const FOLLOWED: f64 = 0.5;
@@ -240,48 +244,36 @@ fn analyse_once(
     }
     let data = data;
     tell(0.05, "fitting the base");
-    let rows = rows(&data)?;
-    let sensor_sd = sensor_sd(&setup.base, used_readings(&data));
-    let scale = Scale::of(sensor_sd, highest(&data));
-    // In flight vehicles that wait on the ground are no network.
-    let setup = &data.told_of(setup, sensor_sd, scale, options.complete)?;
-    let policy = policy_of(setup, &data, &options.policy);
-    let question = Question {
-        rows: &rows,
-        policy: &policy,
-        sensor_sd,
-        asked: &[],
-    };
+    let in_flight = !options.complete;
+    let whole = Cow::Borrowed(&data);
+    let records = Records::new(
+        setup,
+        whole,
+        options.rows_of_a_search,
+        &options.policy,
+        in_flight,
+    )?;
+    let (setup, scale) = (records.setup(), records.scale());
+    let question = records.question();
     // Where the plume is and how it moves is seen in part of a long record as well.
-    let part = data.thinned(setup, options.rows_of_a_search)?;
-    let first = part.as_ref().unwrap_or(&data);
-    let first_rows = self::rows(first)?;
-    let first_question = Question {
-        rows: &first_rows,
-        ..question
-    };
+    let first_question = records.first_question();
     let alike = |b: &&Begun| b.base.point.at.len() == setup.unknowns().len();
     let before = before.filter(alike);
     let before = before.filter(|b| b.carried.is_some() == data.on_board_wind);
     let named_before = before.and_then(|b| b.named.as_ref());
     let before = before.filter(|b| b.is_all);
-    let in_flight = !options.complete;
     let carried = match before {
         Some(before) => before.carried,
-        None => wind::chosen(setup, first, &first_question, scale, in_flight)?,
+        None => records.carried(setup)?,
     };
-    let first_track = wind::carrying(setup, first, carried);
-    let track = wind::carrying(setup, &data, carried);
-    let first_model = PlumeModel::of(setup, &first_track, scale);
+    let tracks = records.tracks(setup, carried);
+    let first_model = PlumeModel::of(setup, &tracks[0], scale);
     let (first_base, swing) = match before {
         Some(before) => (before.base.clone(), before.swing),
-        None => {
-            let (found, swing) = wind::swinging(&first_question, &first_model, carried, in_flight)?;
-            (found.fit().clone(), swing)
-        }
+        None => records.searched(&first_model, carried)?,
     };
     let first_model = first_model.following(swing);
-    let model = PlumeModel::of(setup, &track, scale).following(swing);
+    let model = PlumeModel::of(setup, &tracks[1], scale).following(swing);
     let base = question.set_from(&model, Vec::new(), &first_base)?;
     tell(0.25, "testing whether the readings follow the plume");
     let contact = first_question.contact(&first_model, base.at())?;
@@ -325,19 +317,6 @@ fn analyse_once(
     Ok(analysis)
 }
 
-/// The rules for these data: a wind that nobody logs may swing as its stability class lets it.
-fn policy_of(setup: &Setup, data: &Data, policy: &Policy) -> Policy {
-    let mut policy = policy.clone();
-    // A turn that grows has a name.
-    policy.swing_slope_deg = policy.swing_slope_deg.min(policy.swing_mean_deg);
-    if !data.on_board_wind {
-        let swing_deg = setup.base.stability.sigma_theta_deg();
-        let tolerated = &mut policy.noise_tolerated;
-        tolerated.wander_deg = tolerated.wander_deg.max(swing_deg);
-    }
-    policy
-}
-
 /// Whether readings do not follow the plume, but lie in one direction.
 fn elsewhere(contact: &Contact) -> bool {
     contact.share < FOLLOWED && contact.turn_deg.sd < ONE_DIRECTION_DEG
@@ -358,48 +337,6 @@ fn aimed<'a>(
     let name = catalogue::aimed(turn_deg, model.scale());
     let found = question.named(&first.aimed(&name.part, turn_deg), &name)?;
     Ok(Some((found, model.aimed(&name.part, turn_deg))))
-}
-
-/// The readings as the inference wants them.
-fn rows(data: &Data) -> Result<Rows, InferError> {
-    let known = |c: &f64| if c.is_finite() { *c } else { 0.0 };
-    Rows::new(
-        data.ranges().to_vec(),
-        data.track.time_s().to_vec(),
-        data.reading_ppm.iter().map(known).collect(),
-        data.sd_ppm.clone(),
-        data.used.clone(),
-    )?
-    .averaged_over(data.averaging_s())
-}
-
-/// The highest reading, ppm.
-fn highest(data: &Data) -> f64 {
-    used_readings(data).fold(f64::MIN_POSITIVE, f64::max)
-}
-
-/// Readings that count, ppm.
-fn used_readings(data: &Data) -> impl Iterator<Item = f64> {
-    let used = data.reading_ppm.iter().zip(&data.used).filter(|(_, u)| **u);
-    used.map(|(c, _)| *c)
-}
-
-/// Standard deviation of the noise of the sensor that made these readings, ppm: the scenario's, or what
-/// rounding alone makes.
-pub fn sensor_sd(base: &::plume::DispersionSpec, readings: impl Iterator<Item = f64>) -> f64 {
-    let stated = base.sensor.noise_sd_ppm;
-    if stated > 0.0 {
-        return stated;
-    }
-    let mut read: Vec<f64> = readings.collect();
-    read.sort_by(f64::total_cmp);
-    let steps = read.windows(2).map(|w| w[1] - w[0]).filter(|s| *s > 0.0);
-    let least = steps.fold(f64::INFINITY, f64::min);
-    if least.is_finite() {
-        ROUNDING * least
-    } else {
-        1.0
-    }
 }
 
 #[cfg(test)]

@@ -261,7 +261,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         Noise::from_ln(ln)
     }
 
-    fn noise_prior(&self) -> [(f64, f64); Noise::PARAMETERS] {
+    pub(crate) fn noise_prior(&self) -> [(f64, f64); Noise::PARAMETERS] {
         let median = self.policy.noise_median;
         let scaled = Noise {
             white: median.white * self.sensor_sd,
@@ -442,15 +442,19 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         let curvature =
             std::array::from_fn(|k| prior[k].1.powi(-2) + if k == 0 { used } else { 0.03 * used });
         let ln = maximise(within(&fit.noise).ln(), curvature, NOISE_STEPS, |ln| {
-            let noise = within(&Noise::from_ln(*ln));
-            let (loadings, inflation) = (&fit.loadings, &fit.inflation);
-            log_likelihood(self.rows, &noise, loadings, inflation, &fit.linear_misfit)
-                + self.ln_noise_prior(&noise)
+            self.ln_noise_density(fit, &within(&Noise::from_ln(*ln)))
         });
         let ln = within(&Noise::from_ln(ln)).ln();
         let (point, inflation) = (fit.point.clone(), fit.inflation.clone());
         let shape = self.shape(&fit.basis, fit.sizes);
         self.settle(point, &shape, Noise::from_ln(ln), inflation)
+    }
+
+    /// Density of the noise beside the misfit of a fit, nats, up to a constant.
+    pub(crate) fn ln_noise_density(&self, fit: &Fit, noise: &Noise) -> f64 {
+        let (loadings, inflation) = (&fit.loadings, &fit.inflation);
+        log_likelihood(self.rows, noise, loadings, inflation, &fit.linear_misfit)
+            + self.ln_noise_prior(noise)
     }
 
     fn shape<'b>(&self, basis: &'b Basis, sizes: Sizes) -> Shape<'b> {

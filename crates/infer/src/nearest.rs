@@ -9,7 +9,7 @@ use crate::InferError;
 use crate::evidence::{Known, Products};
 use crate::fit::{Fit, Problem};
 use crate::passes::passes;
-use crate::posterior::Posterior;
+use crate::posterior::{Posterior, widened};
 use crate::rows::ForwardModel;
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
@@ -54,6 +54,7 @@ impl<M: ForwardModel> Problem<'_, M> {
         let step = to.step();
         let nearest = &worth * (weights.rows(0, layout.tried) + &step);
         let mut covariance = to.covariance_of(&worth);
+        let beforehand = to.variance_beforehand(&worth);
         // The misfit of that plume pulls each pass elsewhere.
         let mut from_here = -weights;
         for (place, k) in layout.weights.iter().zip(0..) {
@@ -73,11 +74,10 @@ impl<M: ForwardModel> Problem<'_, M> {
         for k in 0..n {
             let square: f64 = pulls.iter().map(|p| (p[k] - mean[k]).powi(2)).sum();
             let scatter = square * count / (count - 1.0).max(1.0);
-            let grown = (scatter / covariance[(k, k)]).sqrt();
-            if grown > 1.0 && grown.is_finite() {
-                covariance.row_mut(k).scale_mut(grown);
-                covariance.column_mut(k).scale_mut(grown);
-            }
+            let variance = covariance[(k, k)];
+            let grown = widened(variance, beforehand[k], scatter / variance);
+            covariance.row_mut(k).scale_mut(grown);
+            covariance.column_mut(k).scale_mut(grown);
         }
         Ok(Nearest {
             mean: DVector::from_column_slice(&fit.point.at) + nearest,

@@ -479,17 +479,31 @@ impl Scatter {
     /// gives the column `worth`: at least one.
     fn widening(&self, function: &DVector<f64>, worth: &DVector<f64>) -> f64 {
         let count = self.pulls.len() as f64;
-        let told: f64 = self.pulls.iter().map(|g| g.dot(worth).powi(2)).sum();
+        let pulled: f64 = self.pulls.iter().map(|g| g.dot(worth).powi(2)).sum();
         let known = self.precision.iter().zip(worth.iter());
         let beforehand: f64 = known.map(|(p, h)| p * h * h).sum();
-        let scattered = told * count / (count - 1.0) + beforehand;
-        let factor = (scattered / function.dot(worth)).sqrt();
-        if factor.is_finite() {
-            factor.max(1.0)
-        } else {
-            1.0
-        }
+        let variance = function.dot(worth);
+        let scattered = pulled * count / (count - 1.0) / (variance - beforehand);
+        widened(variance, self.variance_beforehand(function), scattered)
     }
+
+    /// Variance of a linear function before any reading.
+    fn variance_beforehand(&self, function: &DVector<f64>) -> f64 {
+        let each = function.iter().zip(&self.precision);
+        each.filter(|(f, _)| **f != 0.0)
+            .map(|(f, p)| f * f / p)
+            .sum()
+    }
+}
+
+/// Factor on a standard deviation where readings scatter `scattered` times as much, as a variance, as they are taken to: they
+/// tell less by that, and what is known beforehand stays. So nothing becomes less certain than it was beforehand.
+pub(crate) fn widened(variance: f64, beforehand: f64, scattered: f64) -> f64 {
+    let told = 1.0 / variance - 1.0 / beforehand;
+    if !(told > 0.0 && scattered > 1.0 && scattered.is_finite()) {
+        return 1.0;
+    }
+    (1.0 / (variance * (1.0 / beforehand + told / scattered))).sqrt()
 }
 
 impl Weighed {
@@ -624,6 +638,13 @@ impl Posterior {
     fn widening(&self, function: &DVector<f64>) -> f64 {
         let worth = self.parts[0].precision.solve(function);
         self.scatter.widening(function, &worth)
+    }
+
+    /// Variances of linear functions, row by row, of all columns before any reading.
+    pub(crate) fn variance_beforehand(&self, functions: &DMatrix<f64>) -> DVector<f64> {
+        let rows = functions.row_iter();
+        let of = rows.map(|row| self.scatter.variance_beforehand(&row.transpose()));
+        DVector::from_iterator(functions.nrows(), of)
     }
 
     /// The same of an unknown.

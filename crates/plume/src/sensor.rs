@@ -16,6 +16,10 @@ pub struct SensorSpec {
     pub time_constant_s: f64,
     /// White noise of one reading, one standard deviation, ppm.
     pub noise_sd_ppm: f64,
+    /// Slow wander of the zero, one standard deviation, ppm; 0 for none.
+    pub slow_sd_ppm: f64,
+    /// Time over which the wander forgets, s.
+    pub slow_time_s: f64,
     /// Added to every reading, ppm.
     pub offset_ppm: f64,
     /// Slope about zero concentration.
@@ -33,6 +37,8 @@ impl Default for SensorSpec {
         Self {
             time_constant_s: 0.0,
             noise_sd_ppm: 0.0,
+            slow_sd_ppm: 0.0,
+            slow_time_s: 100.0,
             offset_ppm: 0.0,
             gain: 1.0,
             drift_ppm_per_h: 0.0,
@@ -50,6 +56,8 @@ impl SensorSpec {
     pub fn validate(&self) -> Result<(), PlumeError> {
         in_range("sensor time_constant_s", self.time_constant_s, 0.0, 600.0)?;
         in_range("sensor noise_sd_ppm", self.noise_sd_ppm, 0.0, 1e5)?;
+        in_range("sensor slow_sd_ppm", self.slow_sd_ppm, 0.0, 1e5)?;
+        in_range("sensor slow_time_s", self.slow_time_s, 1e-3, 1e7)?;
         in_range("sensor offset_ppm", self.offset_ppm, -1e5, 1e5)?;
         in_range("sensor gain", self.gain, 1e-3, 1e3)?;
         in_range("sensor drift_ppm_per_h", self.drift_ppm_per_h, -1e5, 1e5)?;
@@ -74,11 +82,36 @@ impl SensorSpec {
     }
 }
 
+/// The slow wander of a sensor's zero: an Ornstein-Uhlenbeck process.
+#[derive(Debug, Clone, PartialEq)]
+struct SlowWander {
+    sd_ppm: f64,
+    time_s: f64,
+    /// None before the first reading.
+    now_ppm: Option<f64>,
+}
+
+impl SlowWander {
+    /// The zero `dt_s` later, ppm. A zero that does not wander draws no number.
+    fn after<R: Rng>(&mut self, dt_s: f64, rng: &mut R) -> f64 {
+        if self.sd_ppm == 0.0 {
+            return 0.0;
+        }
+        let kept = self.now_ppm.map_or(0.0, |_| (-dt_s / self.time_s).exp());
+        let drawn: f64 = StandardNormal.sample(rng);
+        let new_ppm = self.sd_ppm * (1.0 - kept * kept).sqrt() * drawn;
+        let now_ppm = kept * self.now_ppm.unwrap_or(0.0) + new_ppm;
+        self.now_ppm = Some(now_ppm);
+        now_ppm
+    }
+}
+
 /// A sensor at work on one platform.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sensor {
     effects: SensorEffects,
     noise_sd_ppm: f64,
+    slow: SlowWander,
     resolution_ppm: f64,
     time_s: f64,
     input_ppm: Option<f64>,
@@ -93,6 +126,11 @@ impl Sensor {
             stages_ppm: vec![0.0; effects.lags_s.len()],
             effects,
             noise_sd_ppm: spec.noise_sd_ppm,
+            slow: SlowWander {
+                sd_ppm: spec.slow_sd_ppm,
+                time_s: spec.slow_time_s,
+                now_ppm: None,
+            },
             resolution_ppm: spec.resolution_ppm,
             time_s: 0.0,
             input_ppm: None,
@@ -117,11 +155,13 @@ impl Sensor {
         let lagged = self.lag(true_ppm, dt_s);
         // Drawn even where its size is zero, so that the stream of numbers does not depend on it.
         let noise: f64 = StandardNormal.sample(rng);
+        let wander_ppm = self.slow.after(dt_s, rng);
         let e = &self.effects;
         let reading = e.gain * lagged
             + e.offset_ppm
             + e.drift_ppm_s * self.time_s
             + e.cross_ppm(air)
+            + wander_ppm
             + self.noise_sd_ppm * noise;
         // Noise belongs to the detector: it comes after the lag, and the limit and the rounding act on
         // it too.
@@ -233,6 +273,27 @@ mod tests {
             .sum();
         let sd = (sum / f64::from(n)).sqrt();
         assert!((sd / 3.0 - 1.0).abs() < 0.02, "{sd}");
+    }
+
+    // An Ornstein-Uhlenbeck process: standard deviation 5 at all times, correlation exp(-10/50) = .8187 after 10 s.
+    #[test]
+    fn the_zero_wanders_with_its_size_and_memory() {
+        let spec = SensorSpec {
+            slow_sd_ppm: 5.0,
+            slow_time_s: 50.0,
+            ..SensorSpec::default()
+        };
+        let mut r = rng();
+        let (mut square, mut product) = (0.0, 0.0);
+        let n = 20_000;
+        for _ in 0..n {
+            let mut sensor = Sensor::new(&spec, &[], "1");
+            let [first, later] = [1.0, 10.0].map(|dt_s| sensor.read(400.0, dt_s, &mut r) - 400.0);
+            square += later * later / f64::from(n);
+            product += first * later / f64::from(n);
+        }
+        assert!((square.sqrt() / 5.0 - 1.0).abs() < 0.02, "{square}");
+        assert!((product / 25.0 - 0.8187).abs() < 0.03, "{product}");
     }
 
     #[test]

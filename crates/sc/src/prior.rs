@@ -29,7 +29,10 @@ pub(crate) fn of(scenario: &Scenario, base: &DispersionSpec) -> PlumePrior {
         },
         height_amsl_m: Estimate {
             value: base.ground_amsl_m + source.effective_height_agl_m,
-            sd: sd(Uncertain::EffectiveHeight, usual::HEIGHT_SD_M),
+            sd: sd(
+                Uncertain::EffectiveHeight,
+                usual::height_sd_m(source.effective_height_agl_m),
+            ),
         },
         ln_strength_sd: strength_sd
             .filter(|s| s.is_finite())

@@ -215,9 +215,27 @@ fn check_sensor(table: &str, sensor: &SensorTable) -> Checked {
         &key("noise_sd_ppm"),
         sensor.noise_sd_ppm.unwrap_or_default(),
     )?;
+    not_negative(&key("slow_sd_ppm"), sensor.slow_sd_ppm.unwrap_or_default())?;
+    positive(&key("slow_time_s"), sensor.slow_time_s.unwrap_or(1.0))?;
+    for (name, factor) in [
+        (
+            "noise_sd_ppm_known_within",
+            sensor.noise_sd_ppm_known_within,
+        ),
+        ("slow_sd_ppm_known_within", sensor.slow_sd_ppm_known_within),
+        ("slow_time_s_known_within", sensor.slow_time_s_known_within),
+    ] {
+        in_range(
+            key(name),
+            factor.unwrap_or(1.0),
+            (1.0, 100.0),
+            "as a factor",
+        )?;
+    }
     not_negative(&key("resolution_ppm"), sensor.resolution_ppm)?;
     positive(&key("gain"), sensor.gain)?;
     ranges!(sensor in table;
+        gain_sd 0.0 to 1.0 "",
         offset_ppm -1e4 to 1e4 "ppm",
         drift_ppm_per_h -1e4 to 1e4 "ppm/h",
     );

@@ -409,10 +409,27 @@ pub struct SensorTable {
     /// Standard deviation of white noise on a reading, ppm; as usual for its gas where left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub noise_sd_ppm: Option<f64>,
+    /// Factor within which that is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub noise_sd_ppm_known_within: Option<f64>,
+    /// Standard deviation of the slow wander of the zero, ppm; not known, and not simulated, where left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub slow_sd_ppm: Option<f64>,
+    /// Factor within which that is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub slow_sd_ppm_known_within: Option<f64>,
+    /// Time over which the zero forgets where it was, s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub slow_time_s: Option<f64>,
+    /// Factor within which that is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub slow_time_s_known_within: Option<f64>,
     /// Added to every reading, ppm.
     pub offset_ppm: f64,
     /// Factor on the true value.
     pub gain: f64,
+    /// Standard deviation of the gain after calibration.
+    pub gain_sd: f64,
     /// Change of the offset with time, ppm/h.
     pub drift_ppm_per_h: f64,
     /// Step of the reading, ppm; 0 for none.
@@ -425,8 +442,14 @@ impl Default for SensorTable {
             gas: None,
             time_constant_s: 0.0,
             noise_sd_ppm: None,
+            noise_sd_ppm_known_within: None,
+            slow_sd_ppm: None,
+            slow_sd_ppm_known_within: None,
+            slow_time_s: None,
+            slow_time_s_known_within: None,
             offset_ppm: 0.0,
             gain: 1.0,
+            gain_sd: USUAL_GAIN_SD,
             drift_ppm_per_h: 0.0,
             resolution_ppm: 0.0,
         }
@@ -439,6 +462,12 @@ impl SensorTable {
         self.noise_sd_ppm.unwrap_or_else(|| usual_noise_sd_ppm(gas))
     }
 }
+
+/// Standard deviation of the gain of a sensor that was calibrated with two gases: certified mixtures are stated to 1 or 2 %.
+const USUAL_GAIN_SD: f64 = 0.02;
+
+/// Time over which the zero of a sensor forgets where it was, s, where a scenario states the size of its wander alone.
+pub const USUAL_SLOW_TIME_S: f64 = 100.0;
 
 /// White noise of a sensor that small aircraft carry, ppm. CO2: infrared, 3 ppm (Reuter et al. 2021, doi
 /// 10.5194/amt-14-153-2021). CH4: laser at 1 Hz, 1 ppb (Dooley et al. 2024, doi 10.5194/amt-17-5091-2024), and

@@ -66,16 +66,50 @@ impl Uncertain {
     }
 }
 
-/// How far a preliminary flight's estimates are usually off, one standard deviation: of what a scenario does not mark.
+/// Standard deviations of what a scenario does not mark: how far a preliminary flight's estimates are usually off.
 pub mod usual {
     /// Direction of the plume's axis, degrees.
     pub const AXIS_SD_DEG: f64 = 10.0;
-    /// Effective height, m.
-    pub const HEIGHT_SD_M: f64 = 40.0;
     /// ln of the strength.
     pub const LN_STRENGTH_SD: f64 = 0.4;
     /// ln of σy and of σz.
     pub const LN_SPREAD_SD: f64 = 0.3;
+    /// Time constant of a sensor, s.
+    pub const TIME_CONSTANT_SD_S: f64 = 0.5;
+    /// Gain of a sensor that is compared with a reference.
+    pub const GAIN_SD: f64 = 0.1;
+    /// Height of a plume that rises from a stack, m: plume-rise formulas differ by a few tens of metres.
+    const RISEN_HEIGHT_SD_M: f64 = 40.0;
+    /// The same as a part of the height: a source near the ground is known better.
+    const HEIGHT_PART: f64 = 0.3;
+    /// Least standard deviation of a height, m: a source at the ground has an extent.
+    const LEAST_HEIGHT_SD_M: f64 = 0.5;
+    /// Background and zero of a CO2 sensor, ppm, and the noise and background that it has.
+    const BACKGROUND_SD_PPM: f64 = 5.0;
+    const OFFSET_SD_PPM: f64 = 10.0;
+    const NOISE_PPM: f64 = 3.0;
+    const BACKGROUND_PPM: f64 = 450.0;
+
+    /// Effective height of a source at `height_agl_m`, m.
+    pub fn height_sd_m(height_agl_m: f64) -> f64 {
+        (HEIGHT_PART * height_agl_m).clamp(LEAST_HEIGHT_SD_M, RISEN_HEIGHT_SD_M)
+    }
+
+    /// The background, ppm, in proportion to that of CO2.
+    pub fn background_sd_ppm(noise_sd_ppm: f64, background_ppm: f64) -> f64 {
+        BACKGROUND_SD_PPM * scale(noise_sd_ppm, background_ppm)
+    }
+
+    /// The offset of a sensor that is compared with a reference, ppm, in proportion to that of CO2.
+    pub fn offset_sd_ppm(noise_sd_ppm: f64, background_ppm: f64) -> f64 {
+        OFFSET_SD_PPM * scale(noise_sd_ppm, background_ppm)
+    }
+
+    /// The noise or the background over that of CO2, whichever is larger. Clean air and a perfect sensor have no size.
+    fn scale(noise_sd_ppm: f64, background_ppm: f64) -> f64 {
+        let scale = (noise_sd_ppm / NOISE_PPM).max(background_ppm / BACKGROUND_PPM);
+        if scale > 0.0 { scale } else { 1.0 }
+    }
 }
 
 impl crate::Scenario {
@@ -87,6 +121,25 @@ impl crate::Scenario {
             let ppb = self.uncertain.get(&in_ppb(&key)?)?;
             Some(Unit::Ppb.to_ppm(*ppb))
         })
+    }
+
+    /// The same, and the usual standard deviation of what is always corrected and not marked: background, height,
+    /// axis, strength, spread and time constant.
+    pub fn corrected_sd(&self, parameter: Uncertain) -> Option<f64> {
+        let usual = |value: f64| match parameter {
+            Uncertain::WindFrom => Some(usual::AXIS_SD_DEG),
+            Uncertain::EffectiveHeight => Some(usual::height_sd_m(value)),
+            Uncertain::Emission | Uncertain::CMax => Some(usual::LN_STRENGTH_SD * value),
+            Uncertain::Background => {
+                let noise_sd_ppm = self.sensor().noise_sd_ppm(self.gas());
+                Some(usual::background_sd_ppm(noise_sd_ppm, value))
+            }
+            Uncertain::SigmaYScale | Uncertain::SigmaZScale => Some(usual::LN_SPREAD_SD * value),
+            Uncertain::SensorTimeConstant => Some(usual::TIME_CONSTANT_SD_S),
+            Uncertain::WindSpeed | Uncertain::SensorOffset | Uncertain::SensorGain => None,
+        };
+        let usual = || usual(self.value(parameter)?);
+        self.prior_sd(parameter).or_else(usual)
     }
 }
 

@@ -2,7 +2,9 @@
 
 use crate::check::Refusal;
 use crate::random::stream;
-use crate::tables::{AirKind, HomeTable, MechanismTable, Scenario, SourceTable, VehicleKind};
+use crate::tables::{
+    AirKind, HomeTable, MechanismTable, Scenario, SourceTable, USUAL_SLOW_TIME_S, VehicleKind,
+};
 use air::geo::{Enu, Geodetic, LocalFrame};
 use air::isa::Atmosphere;
 use air::wind::WindProfile;
@@ -159,6 +161,8 @@ impl Scenario {
         SensorSpec {
             time_constant_s: s.time_constant_s,
             noise_sd_ppm: s.noise_sd_ppm(self.gas()),
+            slow_sd_ppm: s.slow_sd_ppm.unwrap_or_default(),
+            slow_time_s: s.slow_time_s.unwrap_or(USUAL_SLOW_TIME_S),
             offset_ppm: s.offset_ppm,
             gain: s.gain,
             drift_ppm_per_h: s.drift_ppm_per_h,

@@ -48,7 +48,8 @@ pub fn of(
     let mut document = document(&offline, platforms, reference);
     document["peak"] = json!(peak);
     document["gas"] = json!(gas);
-    let emission = crate::flux::emission(setup, observations, &offline);
+    let by_fit = || crate::flux::emission(setup, observations, &offline);
+    let emission = offline.rate_at_rest.or_else(by_fit);
     document["emission"] = json!(emission.map(|kg_s| json!({"kg_s": kg_s})));
     Ok(Calibration {
         json: with_gas(&format!("{document:#}\n"), gas),
@@ -97,5 +98,5 @@ fn document(
 
 fn peak(scenario: &Scenario, offline: &OfflineCalibration) -> Option<Peak> {
     let airspace = Airspace::of(scenario).ok()?;
-    offline.calibrator.peak(&airspace)
+    offline.peak(&airspace)
 }

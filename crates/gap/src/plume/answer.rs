@@ -11,7 +11,7 @@ use infer::{Cause as Named, Found, InferError, SWING};
 use super::catalogue::Tried;
 use super::data::{Data, Setup, mean_transport};
 use super::gain::{Gained, gain};
-use super::model::{LEVELS, PlumeModel, Unknown, fitted};
+use super::model::{PlumeModel, Unknown, fitted};
 use super::own::HELD;
 use super::report::{GapReport, report};
 use super::{
@@ -538,8 +538,11 @@ pub(super) fn base_parameters(
     let of = |(part, prior): (usize, &super::Prior)| {
         let k = set.model.unknowns_of(part).next();
         // Of what is held nothing is told.
-        let is_held = !study.setup.own.is_empty() && LEVELS.contains(&prior.id);
-        let widened = if is_held { 1.0 / HELD } else { 1.0 };
+        let widened = if study.setup.is_held(prior.id) {
+            1.0 / HELD
+        } else {
+            1.0
+        };
         let (at, sd) = k.map_or((f64::NAN, f64::NAN), |k| {
             (mean[k], widened * covariance[(k, k)].sqrt())
         });

@@ -1,18 +1,18 @@
 //! Causes found in some readings, held against others. Of the extension nothing is fitted; what the
 //! scenario marks uncertain is, for base and extension alike, on the passes that are not scored.
 
+use std::borrow::Cow;
+
 use ::plume::mechanism::{Mechanism, MechanismId};
-use ::plume::track::Track;
-use infer::{Found, InferError, Judgement, Question, Rows};
+use infer::Judgement;
 use scenario::observations::Observations;
 
-use super::data::{Data, Setup};
+use super::data::Setup;
 use super::gain::gain;
-use super::model::{PlumeModel, Scale};
-use super::wind::{self, Carried};
+use super::records::Records;
+use super::wind;
 use super::{
-    Analysis, FEWEST_READINGS, Options, Progress, Study, answer, gate, highest, policy_of, report,
-    residual, rows, sensor_sd, used_readings, zero,
+    Analysis, FEWEST_READINGS, Options, Progress, Study, answer, gate, report, residual, zero,
 };
 use crate::GapError;
 use crate::applied::{Applied, Earlier, Outcome, scores_in_words};
@@ -48,8 +48,9 @@ pub fn apply(
             problem: "too few readings are usable".into(),
             expected: format!("at least {FEWEST_READINGS} that pass the checks"),
         })?;
-    let records = Records::new(setup, &data, options)?;
-    let setup = &data.told_of(setup, records.sensor_sd, records.scale, true)?;
+    let (rows, policy) = (options.rows_of_a_search, &options.policy);
+    let records = Records::new(setup, Cow::Borrowed(&data), rows, policy, false)?;
+    let setup = records.setup();
     let extended = extended(setup, &extension, data.track.platforms());
     tell(0.1, "fitting the base");
     let carried = records.carried(setup)?;
@@ -61,8 +62,9 @@ pub fn apply(
     let set = records.fitted(&extended, &own_tracks, own_carried)?;
     tell(0.7, "scoring hold-out passes");
     let question = records.question();
-    let first_model =
-        PlumeModel::of(setup, &tracks[0], records.scale).following(base.model.swing());
+    let first_model = records
+        .model(setup, &tracks[0])
+        .following(base.model.swing());
     let contact = records.first_question().contact(&first_model, base.at())?;
     let study = Study {
         setup: &extended,
@@ -194,82 +196,6 @@ fn extended(setup: &Setup, extension: &[Mechanism], platforms: &[String]) -> Set
     out
 }
 
-/// All readings, and as many of them as a search needs.
-struct Records<'a> {
-    all: &'a Data,
-    part: Option<Data>,
-    rows: Rows,
-    part_rows: Rows,
-    policy: infer::Policy,
-    sensor_sd: f64,
-    scale: Scale,
-}
-
-impl<'a> Records<'a> {
-    fn new(setup: &Setup, data: &'a Data, options: &Options) -> Result<Self, GapError> {
-        let part = data.thinned(setup, options.rows_of_a_search)?;
-        let sensor_sd = sensor_sd(&setup.base, used_readings(data));
-        Ok(Self {
-            rows: rows(data)?,
-            part_rows: rows(part.as_ref().unwrap_or(data))?,
-            policy: policy_of(setup, data, &options.policy),
-            scale: Scale::of(sensor_sd, highest(data)),
-            all: data,
-            part,
-            sensor_sd,
-        })
-    }
-
-    fn first(&self) -> &Data {
-        self.part.as_ref().unwrap_or(self.all)
-    }
-
-    fn question(&self) -> Question<'_> {
-        Question {
-            rows: &self.rows,
-            policy: &self.policy,
-            sensor_sd: self.sensor_sd,
-            asked: &[],
-        }
-    }
-
-    fn first_question(&self) -> Question<'_> {
-        Question {
-            rows: &self.part_rows,
-            ..self.question()
-        }
-    }
-
-    /// What of the wind's log carries the plume of a setup.
-    fn carried(&self, setup: &Setup) -> Result<Option<Carried>, InferError> {
-        wind::chosen(
-            setup,
-            self.first(),
-            &self.first_question(),
-            self.scale,
-            false,
-        )
-    }
-
-    /// The tracks of a search and of all readings in that wind.
-    fn tracks(&self, setup: &Setup, carried: Option<Carried>) -> [Track; 2] {
-        [self.first(), self.all].map(|data| wind::carrying(setup, data, carried))
-    }
-
-    /// The model of a setup without names, fitted.
-    fn fitted<'t>(
-        &self,
-        setup: &'t Setup,
-        tracks: &'t [Track; 2],
-        carried: Option<Carried>,
-    ) -> Result<Found<PlumeModel<'t>>, InferError> {
-        let first = PlumeModel::of(setup, &tracks[0], self.scale);
-        let (found, swing) = wind::swinging(&self.first_question(), &first, carried, false)?;
-        let model = PlumeModel::of(setup, &tracks[1], self.scale).following(swing);
-        self.question().set_from(&model, Vec::new(), found.fit())
-    }
-}
-
 fn applied(extended: &Setup, gain: &crate::verdict::Gain, from: &str) -> Applied {
     let h = &gain.held_out;
     let log_score = [-h.log_score_gain_high, -h.log_score_gain_low];
@@ -286,7 +212,7 @@ fn applied(extended: &Setup, gain: &crate::verdict::Gain, from: &str) -> Applied
         scores_in_words(h, &format!("ppm of {}", gas.formula()), 2 + gas.digits())
     );
     let mut fitted: Vec<String> = extended.priors.iter().map(|p| p.key.clone()).collect();
-    if !extended.own.is_empty() {
+    if extended.own.iter().any(|u| u.platform.is_some()) {
         fitted.push("each sensor's own zero and gain".into());
     }
     fitted.push("noise, discrepancy and axis motion".into());

@@ -6,7 +6,7 @@ use ::plume::mechanism::{Family, MechanismId, Steps};
 use infer::{Catalogue, ForwardModel, InferError, Prediction, Start};
 
 use super::data::Setup;
-use super::model::{LEVELS, Part, PlumeModel, Scale, fitted, neutral};
+use super::model::{Part, PlumeModel, Scale, Unknown, fitted, neutral};
 
 /// A mechanism that is tried, and a start of its search.
 #[derive(Debug, Clone)]
@@ -155,9 +155,10 @@ fn is_flat(setup: &Setup, id: MechanismId) -> bool {
     stated.is_some_and(|p| p.unknown().prior.sd > FLAT * id.spec().parameters[0].prior_sd)
 }
 
-/// Whether it moves the levels of a network's sensors, whose zeros are fitted, not named.
+/// Whether it is fitted, not named: it moves the levels of sensors whose zeros are unknown, or is unknown itself.
 fn is_own(setup: &Setup, id: MechanismId) -> bool {
-    !setup.own.is_empty() && LEVELS.contains(&id)
+    let of_all = |u: &Unknown| u.id == id && u.platform.is_none();
+    setup.is_held(id) || setup.own.iter().any(of_all)
 }
 
 /// Settings and starts of a mechanism.

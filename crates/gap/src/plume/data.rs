@@ -15,9 +15,11 @@ use scenario::observations::{ObservationRow, Observations};
 use scenario::uncertain::Uncertain;
 
 use super::fixes;
+use super::known_noise::KnownNoise;
 use super::logged::{self, WindLog};
 use super::model::{LEVELS, PlumeModel, Scale, Unknown};
-use super::own::{HELD, own_zeros};
+use super::own::{self, HELD};
+use super::rest::AtRest;
 use crate::GapError;
 
 /// How well logged heights are known, m: where a track touches a lid, one reading would otherwise
@@ -74,10 +76,19 @@ pub struct Setup {
     pub priors: Vec<Prior>,
     /// Stability classes with the times from which they hold, s; the first holds before them too. Empty: the base's own.
     pub classes: Vec<(f64, Stability)>,
-    /// Zeros and gains of the sensors of a network, once its readings are known.
+    /// Whether the scenario is to be corrected rather than causes to be named.
+    pub(crate) corrects: bool,
+    /// The platform whose sensor the others are compared with.
+    pub reference: Option<String>,
+    /// What is unknown beside the scenario's keys, once readings are known: zeros and gains of single sensors, and how
+    /// far the plume meanders about a wind that is logged at sensors at rest.
     pub own: Vec<Unknown>,
+    /// Whether the zeros of single sensors hold what is known of the levels of all.
+    pub(crate) levels_held: bool,
     /// What the sensor of each platform has read, ppm, once that is known: its range ends no lower.
     pub(crate) has_read: Vec<f64>,
+    /// What is known of the sensor's noise.
+    pub(crate) noise: KnownNoise,
     /// Where it lets aircraft fly.
     pub airspace: Airspace,
 }
@@ -110,6 +121,26 @@ impl Setup {
     /// # Errors
     /// A world that the plume model refuses.
     pub fn new(scenario: &Scenario) -> Result<Self, GapError> {
+        Self::with_priors(scenario, |which| scenario.prior_sd(which))
+    }
+
+    /// The base of a scenario that is to be corrected: what it does not mark is unknown as well, as far as it usually
+    /// is. With a `reference` platform the sensors of the others are compared with its own.
+    ///
+    /// # Errors
+    /// A world that the plume model refuses.
+    pub fn to_correct(scenario: &Scenario, reference: Option<&str>) -> Result<Self, GapError> {
+        Ok(Self {
+            corrects: true,
+            reference: reference.map(str::to_owned),
+            ..Self::with_priors(scenario, |which| scenario.corrected_sd(which))?
+        })
+    }
+
+    fn with_priors(
+        scenario: &Scenario,
+        sd: impl Fn(Uncertain) -> Option<f64>,
+    ) -> Result<Self, GapError> {
         let wrong = |e: scenario::world::WorldError| GapError::Data {
             what: "scenario".to_string(),
             problem: e.to_string(),
@@ -119,7 +150,7 @@ impl Setup {
         let mut base = scenario.dispersion_spec().map_err(wrong)?;
         let mut priors = Vec::new();
         for which in Uncertain::ALL {
-            if let Some(sd) = scenario.prior_sd(which) {
+            if let Some(sd) = sd(which) {
                 priors.extend(prior(&base, which, sd));
             }
         }
@@ -137,22 +168,29 @@ impl Setup {
         };
         Ok(Self {
             airspace,
+            noise: KnownNoise::of(scenario.sensor()),
             base,
             frame,
             priors,
             classes: Vec::new(),
+            corrects: false,
+            reference: None,
             own: Vec::new(),
+            levels_held: false,
             has_read: Vec::new(),
         })
     }
 
-    /// What is unknown of the base: what the scenario marks uncertain, then what sensors of a network have of
-    /// their own.
+    /// Whether what all sensors share of a level is held, because the zero of each is unknown.
+    pub fn is_held(&self, id: MechanismId) -> bool {
+        self.levels_held && LEVELS.contains(&id)
+    }
+
+    /// What is unknown of the base: what the scenario marks uncertain, then what the readings ask for beside that.
     pub fn unknowns(&self) -> Vec<Unknown> {
-        let is_held = |u: &Unknown| !self.own.is_empty() && LEVELS.contains(&u.id);
         let stated = self.priors.iter().map(|p| {
             let mut unknown = p.unknown();
-            if is_held(&unknown) {
+            if self.is_held(unknown.id) {
                 unknown.prior.sd *= HELD;
             }
             unknown
@@ -233,6 +271,8 @@ pub(crate) struct Data {
     pub notices: Vec<String>,
     /// Whether the wind is logged, often enough to follow it. Else no row has one.
     pub on_board_wind: bool,
+    /// The air at sensors that all stand still, where its wind is logged.
+    pub rest: Option<AtRest>,
 }
 
 impl Data {
@@ -289,8 +329,15 @@ impl Data {
                 ));
             }
         }
+        let reads = |i: &usize| order[*i].co2_ppm.is_some();
+        let on_board_wind = wind_log != WindLog::Absent;
+        let rest = (on_board_wind && setup.corrects).then(|| {
+            let read: Vec<Row> = (0..rows.len()).filter(reads).map(|i| rows[i]).collect();
+            AtRest::of(observations.platforms.len(), &read)
+        });
         Ok(Self {
-            on_board_wind: wind_log != WindLog::Absent,
+            on_board_wind,
+            rest: rest.flatten(),
             used,
             sd_ppm: order.iter().map(|o| o.sd_ppm.unwrap_or(f64::NAN)).collect(),
             reading_ppm,
@@ -333,19 +380,20 @@ impl Data {
         }))
     }
 
-    /// The same setup with what the readings of sensors of this noise say before any fit: how high each has read and,
-    /// if asked, what the sensors of a network have of their own.
+    /// The same setup with what the readings of sensors of this noise say before any fit: how high each has read, what
+    /// single sensors of a network have of their own, and how far the plume meanders at sensors at rest. `in_flight`
+    /// vehicles that wait on the ground are neither.
     pub fn told_of(
         &self,
         setup: &Setup,
         sensor_sd: f64,
         scale: Scale,
-        own: bool,
+        in_flight: bool,
     ) -> Result<Setup, InferError> {
-        let own = if own {
-            self.own(setup, sensor_sd, scale)?
-        } else {
+        let network = if in_flight {
             Vec::new()
+        } else {
+            self.network_zeros(setup, sensor_sd, scale)?
         };
         let has_read = self.ranges().iter().map(|range| {
             let mut read: Vec<f64> = range
@@ -357,14 +405,29 @@ impl Data {
             read.get(STRAY)
                 .map_or(f64::NEG_INFINITY, |c| c - READ_SDS * sensor_sd)
         });
+        let platforms = self.track.platforms();
+        let of_name = |name: &String| platforms.iter().position(|p| p == name);
+        let reference = setup.reference.as_ref().and_then(of_name);
+        let mut own = match reference {
+            Some(k) => own::against(&setup.base, network, k, platforms.len()),
+            None => network,
+        };
+        let levels_held = reference.is_none() && !own.is_empty();
+        own.extend(self.rest.filter(|_| !in_flight).map(AtRest::meander));
         Ok(Setup {
             own,
+            levels_held,
             has_read: has_read.collect(),
             ..setup.clone()
         })
     }
 
-    fn own(&self, setup: &Setup, sensor_sd: f64, scale: Scale) -> Result<Vec<Unknown>, InferError> {
+    fn network_zeros(
+        &self,
+        setup: &Setup,
+        sensor_sd: f64,
+        scale: Scale,
+    ) -> Result<Vec<Unknown>, InferError> {
         let clean = PlumeModel::of(setup, &self.track, scale).clean_beforehand()?;
         let excess = |i: usize| {
             if self.used[i] {
@@ -376,14 +439,24 @@ impl Data {
         let excess: Vec<f64> = (0..self.len()).map(excess).collect();
         let platforms = self.track.platforms().len();
         let level_sd = setup.level_sd(scale);
-        let spec = &setup.base;
+        let rows = self.middles();
+        Ok(own::own_zeros(
+            &setup.base,
+            platforms,
+            &rows,
+            &excess,
+            sensor_sd,
+            level_sd,
+        ))
+    }
+
+    /// The rows in the middle of what they are means over.
+    fn middles(&self) -> Vec<Row> {
         let middle = |(i, row): (usize, &Row)| Row {
             place: self.track.place(i),
             ..*row
         };
-        let rows: Vec<Row> = self.rows.iter().enumerate().map(middle).collect();
-        let own = own_zeros(spec, platforms, &rows, &excess, sensor_sd, level_sd);
-        Ok(own)
+        self.rows.iter().enumerate().map(middle).collect()
     }
 
     pub fn used_count(&self) -> usize {
@@ -551,5 +624,28 @@ fn row(setup: &Setup, o: &ObservationRow) -> Row {
             relative_humidity_pct: o.relative_humidity_pct.unwrap_or(f64::NAN),
             pressure_hpa: o.pressure_hpa.unwrap_or(f64::NAN),
         },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use air::wind::WindVector;
+
+    #[test]
+    fn the_mean_wind_is_that_of_the_weighted_vectors() {
+        let mean_from_deg = |winds: [(f64, f64); 2], weight: [f64; 2]| {
+            let of = winds.map(|(speed, from)| {
+                let wind = WindVector::from_speed_and_direction(speed, from);
+                Transport::towards(wind.east_m_s, wind.north_m_s, speed).unwrap()
+            });
+            let mean = mean_transport(&of, &weight);
+            air::wind::from_deg(mean.east, mean.north).rem_euclid(360.0)
+        };
+        // 6 m/s from 350° and 6 m/s from 20°: the mean blows from 5°, not from 185°.
+        assert!((mean_from_deg([(6.0, 350.0), (6.0, 20.0)], [0.0; 2]) - 5.0).abs() < 1e-9);
+        // The stronger counts for more: atan2(10, 5) = 63.43°.
+        assert!((mean_from_deg([(5.0, 0.0), (10.0, 90.0)], [2.0; 2]) - 63.434_948_8).abs() < 1e-6);
+        assert!((mean_from_deg([(5.0, 0.0), (10.0, 90.0)], [0.0, 1.0]) - 90.0).abs() < 1e-9);
     }
 }

@@ -4,6 +4,7 @@
 use scenario::observations::Observations;
 use scenario::observations::checks;
 
+use super::averaged::averaged;
 use super::data::{Data, Setup};
 use crate::GapError;
 use crate::verdict::{DataQuality, Flaw};
@@ -29,9 +30,18 @@ pub(super) fn passed(
     if checked.observations.readings() == 0 && observations.readings() > 0 {
         return Ok((None, checked.flaws));
     }
-    let mut data = Data::new(setup, &checked.observations)?;
+    Ok((Some(rows_of(setup, &checked.observations)?), checked.flaws))
+}
+
+/// The rows of observations that have passed the checks: averaged over a second, without those in which a slow sensor
+/// still responds to unknown air.
+///
+/// # Errors
+/// No rows or readings, or a base that the plume model refuses.
+pub(super) fn rows_of(setup: &Setup, checked: &Observations) -> Result<Data, GapError> {
+    let mut data = Data::new(setup, &averaged(checked))?;
     forget_unknown_air(&mut data, setup.time_constant_s());
-    Ok((Some(data), checked.flaws))
+    Ok(data)
 }
 
 /// Leaves out the readings in which a slow sensor still remembers air of which nothing is known:

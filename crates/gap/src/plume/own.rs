@@ -9,6 +9,7 @@ use ::plume::field::Place;
 use ::plume::mechanism::MechanismId;
 use ::plume::track::Row;
 use air::wind::WindVector;
+use scenario::uncertain::usual;
 
 use super::model::Unknown;
 
@@ -42,7 +43,7 @@ pub const HELD: f64 = 1e-3;
 ///
 /// Where there is a network, platforms that move have a zero of their own too, and what all share of their levels
 /// is to be held ([`HELD`]): a zero is known as what a sensor reads, whatever of it is background.
-pub fn own_zeros(
+pub(super) fn own_zeros(
     spec: &DispersionSpec,
     platforms: usize,
     rows: &[Row],
@@ -87,8 +88,46 @@ pub fn own_zeros(
     out
 }
 
+/// The same against the sensor of the platform `reference`, whose zero is part of the background: zeros and gains of
+/// all others, those of a `network` as they are known, and of the rest as they usually are.
+pub(super) fn against(
+    spec: &DispersionSpec,
+    mut network: Vec<Unknown>,
+    reference: usize,
+    platforms: usize,
+) -> Vec<Unknown> {
+    let is_zero = |u: &Unknown| u.id == MechanismId::SensorOffset;
+    let of_reference = |u: &&Unknown| is_zero(u) && u.platform == Some(reference);
+    let zero = network
+        .iter()
+        .find(of_reference)
+        .map_or(0.0, |u| u.prior.mean);
+    for own in network.iter_mut().filter(|u| is_zero(u)) {
+        own.prior.mean -= zero;
+    }
+    network.retain(|u| u.platform != Some(reference));
+    let offset_sd = usual::offset_sd_ppm(spec.sensor.noise_sd_ppm, spec.background_ppm);
+    let usual = [
+        (MechanismId::SensorOffset, offset_sd),
+        (MechanismId::SensorGain, usual::GAIN_SD),
+    ];
+    let known = |platform: &usize| network.iter().any(|u| u.platform == Some(*platform));
+    let others = (0..platforms).filter(|p| *p != reference && !known(p));
+    let own = others.flat_map(|platform| {
+        usual.map(|(id, sd)| Unknown {
+            id,
+            platform: Some(platform),
+            setting: None,
+            prior: infer::Prior { mean: 0.0, sd },
+        })
+    });
+    let own: Vec<Unknown> = own.collect();
+    network.extend(own);
+    network
+}
+
 /// Where rows are, if they are of one place.
-fn stands_at<'a>(rows: impl Iterator<Item = &'a Row>) -> Option<Place> {
+pub(super) fn stands_at<'a>(rows: impl Iterator<Item = &'a Row>) -> Option<Place> {
     let places: Vec<Place> = rows.map(|r| r.place).collect();
     let middle = |of: fn(&Place) -> f64| quantile(places.iter().map(of).collect(), 0.5);
     let at = Place {

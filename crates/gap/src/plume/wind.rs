@@ -139,7 +139,10 @@ pub(crate) fn chosen(
     } else {
         &TRIED
     };
-    let evidences = infer::parallel_map(tried, |carried| {
+    // Sensors at rest see the plume only as the wind turns: its mean over a record says nothing of that.
+    let is_possible = |c: &Carried| data.rest.is_none() || *c != Carried::About(f64::INFINITY);
+    let tried: Vec<Carried> = tried.iter().copied().filter(is_possible).collect();
+    let evidences = infer::parallel_map(&tried, |carried| {
         let track = carrying(setup, data, Some(*carried));
         let model = PlumeModel::of(setup, &track, scale);
         let model = aim_deg.map_or_else(

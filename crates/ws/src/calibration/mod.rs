@@ -3,10 +3,10 @@
 //! Unknowns are the background, the effective height, the plume's axis (as a turn of the wind),
 //! the strength (c_MAX or emission), the scales of σy and σz, the sensor's time constant, and,
 //! where several platforms are compared with a reference, each other sensor's offset and gain.
-//! Each has a normal prior from the scenario's `[uncertain]` table. In flight and from files the
-//! same inference ([`infer`]) answers by the model of the reality gap ([`PlumeModel`]): noise and error of
-//! form have the sizes that the readings show. What is told of the unknowns is that of the plume without
-//! an error of form that is nearest to what is believed. Readings are averaged over [`ROW_S`].
+//! Each has a normal prior from the scenario's `[uncertain]` table, or its usual one. Rows, wind, zeros of sensors and
+//! priors are those with which `gap plume` begins ([`Records`]): calibrating is the same study without mechanisms.
+//! Noise and discrepancy have the sizes that the readings show. The stated unknowns are those of the plume without a
+//! discrepancy that is closest to the posterior.
 //!
 //! All readings are fitted anew rather than filtered one by one: while the axis is off by several
 //! plume widths the posterior has several maxima, and an extended Kalman filter that linearises
@@ -22,35 +22,24 @@ pub use parameters::Calibrated;
 pub use peak::READ_SD;
 
 use crate::WsError;
+use air::geo::{Enu, Geodetic};
 use air::wind::WindVector;
-use gap::plume::{
-    PlumeModel, ROWS_OF_A_SEARCH, Setup, Unknown, every, in_classes, own_zeros, plume_place,
-    without_jitter,
-};
-use infer::{InferError, PlumePlace, Posterior};
+use gap::plume::{Averaging, Carried, PlumeModel, ROWS_OF_A_SEARCH, Records, Setup, plume_place};
+use infer::{InferError, LearnedNoise, PlumePlace, Posterior, Problem};
 use meander::{Line, Meander};
 use nalgebra::{DMatrix, DVector};
 use parameters::Unknowns;
 use peak::AtCrossing;
 use plume::curtain::{Sample, Site, mass_balance};
-use plume::effects::SensorAir;
 use plume::stability::Stability;
-use plume::track::{Row, Track};
-use plume::{DispersionModel, DispersionSpec, MechanismId, Place, Span};
+use plume::{DispersionModel, DispersionSpec, MechanismId, Place};
 use protocol::message::{Estimate, Flux};
 use scenario::Scenario;
-use std::ops::Range;
+use scenario::observations::{ObservationRow, Observations};
 
-/// Readings are averaged over this time, s.
-pub const ROW_S: f64 = 1.0;
-/// Rows that a fit looks at; more are thinned, those in clean air first. Between rows the path is taken as
-/// straight, so that thinning costs accuracy where a vehicle turns.
-const MOST_ROWS: usize = 4000;
 /// A correction is worth its time when there are more rows by this factor: fewer change standard
 /// deviations by about a tenth.
 const GROWN: f64 = 1.25;
-/// A row is in the plume if the plume's part of it is above this share of the strongest.
-const IN_PLUME_SHARE: f64 = 0.02;
 
 /// A plume is stated as it is in the mean over this time, s, for which the spread of the stability classes
 /// holds: ten minutes. What turns over longer is a wind that turns, and is followed.
@@ -66,25 +55,6 @@ struct Moment {
     slow_deg: f64,
 }
 
-/// One averaged reading.
-#[derive(Debug, Clone, Copy)]
-struct AveragedReading {
-    row: Row,
-    /// What it was the mean over when it came.
-    span: Span,
-    ppm: f64,
-}
-
-/// A reading being averaged.
-#[derive(Debug, Clone, Default)]
-struct AveragingBin {
-    count: f64,
-    time_s: f64,
-    place: Place,
-    ppm: f64,
-    wind: Option<(f64, f64)>,
-}
-
 /// Takes in readings and corrects the model.
 #[derive(Debug, Clone)]
 pub struct Calibrator {
@@ -95,10 +65,9 @@ pub struct Calibrator {
     /// The same as it is fitted.
     setup: Setup,
     unknowns: Unknowns,
-    platforms: Vec<String>,
-    bins: Vec<AveragingBin>,
-    /// Averaged readings, platform by platform, in order of time.
-    readings: Vec<Vec<AveragedReading>>,
+    averaging: Averaging,
+    /// Averaged readings.
+    observations: Observations,
     taken: u64,
     estimate: DVector<f64>,
     covariance: DMatrix<f64>,
@@ -110,6 +79,12 @@ pub struct Calibrator {
     /// Rows that there were at the last fit.
     fitted_rows: usize,
     posterior: Option<Posterior>,
+    /// What all readings tell of the noise, once they are concluded.
+    learned_noise: Option<LearnedNoise>,
+    /// What of a logged wind carries the plume; none without a log.
+    carried: Option<Carried>,
+    /// Direction from which the logged wind blew where the plume was met, degrees; none without a log.
+    logged_from_deg: Option<f64>,
     /// Whether all is read, and what is found is stated.
     concludes: bool,
     /// When the plume was last met, s.
@@ -129,10 +104,8 @@ impl Calibrator {
         reference: Option<&str>,
     ) -> Result<Self, WsError> {
         let base = scenario.dispersion_spec()?;
-        let mut setup = Setup::new(scenario)?;
-        // The time constant is fitted as a whole, from none.
-        setup.base.sensor.time_constant_s = 0.0;
-        let unknowns = Unknowns::new(&setup, &base, platforms, reference);
+        let setup = Setup::to_correct(scenario, reference)?;
+        let unknowns = Unknowns::new(&setup, platforms);
         let estimate = unknowns.prior_mean();
         let covariance = DMatrix::from_diagonal(&unknowns.prior_sd().map(|sd| sd * sd));
         Ok(Self {
@@ -144,12 +117,18 @@ impl Calibrator {
             base,
             setup,
             unknowns,
-            platforms: platforms.to_vec(),
-            bins: vec![AveragingBin::default(); platforms.len()],
-            readings: vec![Vec::new(); platforms.len()],
+            averaging: Averaging::default(),
+            observations: Observations {
+                gas: scenario.gas(),
+                platforms: platforms.to_vec(),
+                ..Observations::default()
+            },
             taken: 0,
             fitted_rows: 0,
             posterior: None,
+            learned_noise: None,
+            carried: None,
+            logged_from_deg: None,
             concludes: false,
             met_s: 0.0,
             predicted: peak::Predicted::default(),
@@ -163,11 +142,9 @@ impl Calibrator {
 
     /// One more platform, whose sensor is as all others; its index.
     pub fn add_platform(&mut self, name: &str) -> usize {
-        self.platforms.push(name.to_owned());
+        self.observations.platforms.push(name.to_owned());
         self.unknowns.add_platform(name);
-        self.bins.push(AveragingBin::default());
-        self.readings.push(Vec::new());
-        self.bins.len() - 1
+        self.observations.platforms.len() - 1
     }
 
     /// Takes in one reading of the platform at index `platform`; `wind` is speed and
@@ -180,111 +157,42 @@ impl Calibrator {
         wind: Option<(f64, f64)>,
         ppm: f64,
     ) {
-        let finite = [time_s, place.east_m, place.north_m, place.height_agl_m, ppm];
-        if platform >= self.bins.len() || !finite.iter().all(|v| v.is_finite()) {
-            return;
-        }
-        self.taken += 1;
-        let bin = &mut self.bins[platform];
-        if bin.count > 0.0 && (time_s / ROW_S).floor() != (bin.time_s / bin.count / ROW_S).floor() {
-            let done = std::mem::take(bin).finish(platform);
-            // A reading of a clock that went back is dropped: a track needs increasing times.
-            let in_order = self.readings[platform]
-                .last()
-                .is_none_or(|l| l.row.time_s < done.row.time_s);
-            if in_order {
-                self.readings[platform].push(done);
-            }
-        }
-        let bin = &mut self.bins[platform];
-        bin.count += 1.0;
-        bin.time_s += time_s;
-        bin.place.east_m += place.east_m;
-        bin.place.north_m += place.north_m;
-        bin.place.height_agl_m += place.height_agl_m;
-        bin.ppm += ppm;
-        bin.wind = wind;
+        let at = self.setup.frame.to_geodetic(Enu {
+            east_m: place.east_m,
+            north_m: place.north_m,
+        });
+        self.observe_row(&ObservationRow {
+            time_s,
+            platform,
+            lat_deg: at.lat_deg,
+            lon_deg: at.lon_deg,
+            alt_amsl_m: place.height_agl_m + self.setup.base.ground_amsl_m,
+            co2_ppm: Some(ppm),
+            wind_speed_m_s: wind.map(|w| w.0),
+            wind_from_deg: wind.map(|w| w.1),
+            ..ObservationRow::default()
+        });
     }
 
-    /// The same of a reading that is a mean over `span`, which is not averaged further.
-    pub fn observe_mean(
-        &mut self,
-        platform: usize,
-        time_s: f64,
-        (place, span): (Place, Span),
-        wind: Option<(f64, f64)>,
-        ppm: f64,
-    ) {
-        if span.is_a_point() {
-            return self.observe(platform, time_s, place, wind, ppm);
-        }
-        if platform >= self.bins.len() || !time_s.is_finite() || !ppm.is_finite() {
+    /// Takes in one row of observations; one that is not finite is ignored.
+    pub fn observe_row(&mut self, row: &ObservationRow) {
+        let place = [row.time_s, row.lat_deg, row.lon_deg, row.alt_amsl_m];
+        let is_finite = place.iter().chain(&row.co2_ppm).all(|v| v.is_finite());
+        if row.platform >= self.observations.platforms.len() || !is_finite {
             return;
         }
-        self.finish_of(platform);
-        self.taken += 1;
-        let row = Row {
-            platform,
-            time_s,
-            place,
-            wind,
-            air: SensorAir::UNKNOWN,
-        };
-        let last = self.readings[platform].last();
-        if last.is_none_or(|l| l.row.time_s < time_s) {
-            self.readings[platform].push(AveragedReading { row, span, ppm });
-        }
+        self.taken += u64::from(row.co2_ppm.is_some());
+        self.averaging.take(row, &mut self.observations.rows);
     }
 
     /// Takes the readings being averaged as they are: no more will come.
     pub fn finish(&mut self) {
-        (0..self.bins.len()).for_each(|platform| self.finish_of(platform));
+        self.averaging.finish(&mut self.observations.rows);
     }
 
-    fn finish_of(&mut self, platform: usize) {
-        let bin = std::mem::take(&mut self.bins[platform]);
-        if bin.count > 0.0 {
-            self.readings[platform].push(bin.finish(platform));
-        }
-    }
-
-    /// The zeros of the sensors of a network, and gains of those that stand still, by the readings so far and the wind
-    /// that they came with.
-    ///
-    /// # Errors
-    /// The plume model refuses the scenario's values.
-    fn own_zeros(&self) -> Result<Vec<Unknown>, WsError> {
-        let readings: Vec<AveragedReading> = self.readings.iter().flatten().copied().collect();
-        let rows: Vec<Row> = readings.iter().map(|r| r.row).collect();
-        if rows.is_empty() {
-            return Ok(Vec::new());
-        }
-        let world = DispersionModel::new(self.setup.base.clone())?;
-        let track = self.track(&world, &readings)?;
-        let model = PlumeModel::new(&self.setup.base, self.unknowns.list(), &track);
-        let clean = model.clean_beforehand()?;
-        let excess: Vec<f64> = readings.iter().zip(clean).map(|(r, c)| r.ppm - c).collect();
-        Ok(own_zeros(
-            &self.setup.base,
-            self.platforms.len(),
-            &rows,
-            &excess,
-            gap::plume::sensor_sd(&self.base, readings.iter().map(|r| r.ppm)),
-            self.unknowns.level_sd(),
-        ))
-    }
-
-    /// Makes these zeros and gains unknown, but those of a `reference`. To be asked before the first fit.
-    fn give_own_zeros(&mut self, own: Vec<Unknown>, reference: Option<&str>) {
-        self.unknowns.set_own(own, reference);
-        self.estimate = self.unknowns.prior_mean();
-        self.covariance = DMatrix::from_diagonal(&self.unknowns.prior_sd().map(|sd| sd * sd));
-        self.in_the_mean = (self.estimate.clone(), self.covariance.clone());
-    }
-
-    /// What is unknown of single sensors, as it is believed to be: mechanisms in the order in which they act.
-    pub fn of_sensors(&self) -> Vec<plume::Mechanism> {
-        self.unknowns.of_sensors(&self.in_the_mean.0)
+    /// The corrected unknowns that no key of a scenario holds, as mechanisms in the order in which they act.
+    pub fn beside_keys(&self) -> Vec<plume::Mechanism> {
+        self.unknowns.beside_keys(&self.in_the_mean.0)
     }
 
     /// What the sensor of a platform reads in clean air, ppm, where it has a zero of its own.
@@ -299,7 +207,7 @@ impl Calibrator {
             .iter()
             .flat_map(|i| both.iter().map(|j| covariance[(*i, *j)]))
             .sum();
-        let name = &self.platforms[platform];
+        let name = &self.observations.platforms[platform];
         let is_its = |m: &&plume::Mechanism| {
             m.id() == MechanismId::SensorOffset
                 && (m.platforms().is_empty() || m.platforms().contains(name))
@@ -352,7 +260,7 @@ impl Calibrator {
     fn add_sources(&mut self, sources: Vec<plume::Mechanism>) {
         self.unknowns.set_added_sources(sources);
         let (mean, sd) = (self.unknowns.prior_mean(), self.unknowns.prior_sd());
-        let stated = self.unknowns.list().len();
+        let stated = self.unknowns.stated();
         let with_priors = |at: &DVector<f64>, covariance: &DMatrix<f64>| {
             let mut all = mean.clone();
             all.rows_mut(0, stated).copy_from(&at.rows(0, stated));
@@ -379,7 +287,7 @@ impl Calibrator {
     }
 
     fn row_count(&self) -> usize {
-        self.readings.iter().map(Vec::len).sum()
+        self.observations.rows.len()
     }
 
     /// Corrects the model in flight, by all readings so far.
@@ -387,34 +295,31 @@ impl Calibrator {
     /// # Errors
     /// The plume model refuses the corrected values.
     pub fn update(&mut self) -> Result<(), WsError> {
-        let readings = self.thinned(MOST_ROWS)?;
+        let Some(records) = self.records(true)? else {
+            return Ok(());
+        };
         let before = self.posterior.as_ref().map(|p| p.fit().clone());
         if let Some(before) = before.filter(|_| self.axis_is_located()) {
-            return self.fit(&readings, &[], |problem| problem.posterior_from(&before));
+            return self.fit(&records, &[], &Depth::From(&before));
         }
-        self.glance()?;
+        self.carried = records.carried(records.setup())?;
+        self.fit(&records, &[], &Depth::Glance)?;
         if self.axis_is_located() {
-            self.searched(&readings, &[])?;
+            self.searched(&records, &[])?;
         }
         Ok(())
     }
 
     /// Takes over what a copy of this has found since it was made; readings and platforms that came meanwhile stay.
     pub fn adopt(&mut self, mut fitted: Self) {
-        for name in self.platforms.iter().skip(fitted.platforms.len()) {
+        let known = fitted.observations.platforms.len();
+        for name in self.observations.platforms.iter().skip(known) {
             fitted.add_platform(name);
         }
-        std::mem::swap(&mut fitted.bins, &mut self.bins);
-        std::mem::swap(&mut fitted.readings, &mut self.readings);
+        std::mem::swap(&mut fitted.averaging, &mut self.averaging);
+        std::mem::swap(&mut fitted.observations, &mut self.observations);
         fitted.taken = self.taken;
         *self = fitted;
-    }
-
-    /// Corrects the model roughly: enough to see whether the readings locate the plume, and which of several
-    /// winds carries it.
-    fn glance(&mut self) -> Result<(), WsError> {
-        let all = self.thinned(MOST_ROWS)?;
-        self.fit(&part_of(&all), &[], |problem| problem.quick_posterior())
     }
 
     /// Corrects the model by all readings as a whole. `nearest_m` is the distance from the source at
@@ -431,62 +336,49 @@ impl Calibrator {
             ..PlumePlace::default()
         };
         self.concludes = true;
-        let all = self.thinned(MOST_ROWS)?;
-        self.searched(&all, &[asked])
+        let Some(records) = self.records(false)? else {
+            return Ok(());
+        };
+        self.carried = records.carried(records.setup())?;
+        self.searched(&records, &[asked])
     }
 
-    /// Searches on a part of `readings`, and goes on from there on all of them.
-    fn searched(
-        &mut self,
-        readings: &[AveragedReading],
-        asked: &[PlumePlace],
-    ) -> Result<(), WsError> {
-        let part = part_of(readings);
-        self.fit(&part, asked, |problem| problem.posterior())?;
+    /// The readings so far, prepared for a fit; none where there are none.
+    fn records(&mut self, in_flight: bool) -> Result<Option<Records<'static>>, WsError> {
+        let of = Records::of_checked(&self.setup, &self.observations, ROWS_OF_A_SEARCH, in_flight)?;
+        if let Some(records) = &of {
+            self.unknowns.set(records.setup());
+        }
+        Ok(of)
+    }
+
+    /// Searches on a part of the readings, and goes on from there on all of them.
+    fn searched(&mut self, records: &Records<'_>, asked: &[PlumePlace]) -> Result<(), WsError> {
+        self.fit(records, asked, &Depth::Search)?;
         match self.posterior.as_ref().map(|p| p.fit().clone()) {
-            Some(found) => self.fit(readings, asked, |problem| problem.refined_posterior(&found)),
+            Some(found) => self.fit(records, asked, &Depth::Refine(&found)),
             None => Ok(()),
         }
     }
 
-    fn track(
-        &self,
-        world: &DispersionModel,
-        readings: &[AveragedReading],
-    ) -> Result<Track, WsError> {
-        let rows: Vec<Row> = readings.iter().map(|r| r.row).collect();
-        let spans: Vec<Span> = readings.iter().map(|r| r.span).collect();
-        let track = Track::of_means(world, &self.platforms, &rows, &spans)?;
-        Ok(in_classes(track, &self.setup.classes))
-    }
-
-    /// Fits `readings`, where there are any.
+    /// Fits readings.
     fn fit(
         &mut self,
-        readings: &[AveragedReading],
+        records: &Records<'_>,
         asked: &[PlumePlace],
-        fitted: impl FnOnce(&infer::Problem<'_, PlumeModel<'_>>) -> Result<Posterior, InferError>,
+        depth: &Depth<'_>,
     ) -> Result<(), WsError> {
-        if readings.is_empty() {
-            return Ok(());
-        }
-        let world = DispersionModel::new(self.setup.base.clone())?;
-        let track = self.track(&world, readings)?;
-        let n = readings.len();
-        let measured = infer::Rows::new(
-            track.ranges().to_vec(),
-            track.time_s().to_vec(),
-            readings.iter().map(|r| r.ppm).collect(),
-            vec![f64::NAN; n],
-            vec![true; n],
-        )?
-        .averaged_over(readings.iter().map(|r| r.span.averaging_s).collect())?;
-        let model = PlumeModel::new(&self.setup.base, self.unknowns.list(), &track)
+        let setup = records.setup();
+        let [first, all] = records.tracks(setup, self.carried);
+        let (track, rows) = match depth {
+            Depth::Glance | Depth::Search => (first, records.first_rows()),
+            Depth::From(_) | Depth::Refine(_) => (all, records.rows()),
+        };
+        let model = records
+            .model(setup, &track)
             .with_unknown(self.unknowns.added_sources());
-        let policy = infer::Policy::default();
-        let sensor_sd = gap::plume::sensor_sd(&self.base, readings.iter().map(|r| r.ppm));
-        let problem = infer::Problem::new(&model, &measured, &policy, sensor_sd, asked);
-        let posterior = fitted(&problem)?;
+        let problem = records.problem(&model, rows, asked);
+        let posterior = depth.posterior(&problem)?;
         let nearest = model.stated(problem.nearest(&posterior)?, &posterior)?;
         (self.estimate, self.covariance) = (nearest.mean, nearest.covariance);
         self.met_s = model.last_met_s(self.estimate.as_slice())?;
@@ -494,17 +386,34 @@ impl Calibrator {
         self.predicted = peak::Predicted::of(
             &model,
             &track,
-            readings,
+            rows,
             &self.estimate,
             spec,
             &posterior,
             self.axis_index(),
         )?;
+        self.logged_from_deg = records
+            .has_logged_wind()
+            .then(|| records.met_from_deg(&track, self.predicted.plume()));
         self.fitted_rows = self.row_count();
+        if self.concludes {
+            self.learned_noise = Some(problem.learned_noise(posterior.fit()));
+        }
         self.posterior = Some(posterior);
         self.turn = self.mean_turn();
         self.in_the_mean = self.averaged();
         Ok(())
+    }
+
+    /// What all readings tell of the noise; none before they are concluded.
+    pub fn learned_noise(&self) -> Option<LearnedNoise> {
+        self.learned_noise
+    }
+
+    /// Direction from which the logged wind blew where the plume was met, degrees: what a turn that was found against
+    /// the log turns. None where no wind is logged, and before a fit.
+    pub fn logged_from_deg(&self) -> Option<f64> {
+        self.logged_from_deg
     }
 
     /// Lets the wind that the turn is found against blow from a direction, as where readings carried a
@@ -626,8 +535,8 @@ impl Calibrator {
 
     /// Whether a reading stands out of the others, whatever the model makes of it.
     fn has_read_a_plume(&self) -> bool {
-        let all = self.readings.iter().flatten().map(|r| r.ppm);
-        let mut sorted: Vec<f64> = all.collect();
+        let rows = self.observations.rows.iter();
+        let mut sorted: Vec<f64> = rows.filter_map(|r| r.co2_ppm).collect();
         sorted.sort_by(f64::total_cmp);
         let noise_ppm = gap::plume::sensor_sd(&self.base, sorted.iter().copied());
         let middle = sorted.get(sorted.len() / 2);
@@ -636,56 +545,6 @@ impl Calibrator {
             .zip(middle)
             .map_or(0.0, |(high, middle)| high - middle);
         highest > peak::READ_SD * noise_ppm
-    }
-
-    /// At most about `most` rows for a fit: all of them, or those in the plume and a part of the others.
-    fn thinned(&self, most: usize) -> Result<Vec<AveragedReading>, WsError> {
-        let mut all: Vec<AveragedReading> = self.readings.iter().flatten().copied().collect();
-        let mut rows: Vec<Row> = all.iter().map(|r| r.row).collect();
-        without_jitter(&mut rows);
-        for (reading, row) in all.iter_mut().zip(rows) {
-            reading.row = row;
-        }
-        if all.len() <= most {
-            return Ok(all);
-        }
-        let world = DispersionModel::new(self.corrected_spec())?;
-        // By model or reading, whichever is more: a plume that the model does not expect yet must not
-        // be thinned as clean air.
-        let excess: Vec<f64> = all
-            .iter()
-            .map(|r| {
-                let there = world.mean_ppm(&r.row.place, r.row.time_s);
-                let base = world.background_ppm(&r.row.place, r.row.time_s);
-                (there - base).max(r.ppm - base)
-            })
-            .collect();
-        let strongest = excess.iter().copied().fold(0.0, f64::max);
-        let inside = |k: usize| excess[k] > IN_PLUME_SHARE * strongest;
-        let in_plume = (0..all.len()).filter(|&k| inside(k)).count();
-        let plume_stride = in_plume.div_ceil(most * 3 / 4).max(1);
-        let room = most - in_plume.div_ceil(plume_stride).min(most - 1);
-        let clean_stride = (all.len() - in_plume).div_ceil(room).max(1);
-        let (mut in_count, mut out_count) = (0, 0);
-        let mut kept = Vec::with_capacity(most);
-        for (k, reading) in all.into_iter().enumerate() {
-            let (count, stride) = if inside(k) {
-                (&mut in_count, plume_stride)
-            } else {
-                (&mut out_count, clean_stride)
-            };
-            if *count % stride == 0 {
-                kept.push(reading);
-            }
-            *count += 1;
-        }
-        Ok(kept)
-    }
-
-    /// Minus the logarithm of the evidence at the last fit, up to a constant: of two accounts of the
-    /// same readings the one with the lower cost is likelier.
-    pub fn cost(&self) -> f64 {
-        self.posterior.as_ref().map_or(0.0, |p| -p.ln_evidence())
     }
 
     /// The corrected model in the mean over meanders.
@@ -765,19 +624,28 @@ impl Calibrator {
             gas: first.gas,
             atmosphere: base.atmosphere,
         };
-        let sample = |r: &AveragedReading| Sample {
-            platform: r.row.platform,
-            time_s: r.row.time_s,
-            place: r.row.place,
-            ppm: r.ppm,
+        let frame = &self.setup.frame;
+        let sample = |r: &ObservationRow| {
+            let at = Geodetic {
+                lat_deg: r.lat_deg,
+                lon_deg: r.lon_deg,
+            };
+            Some(Sample {
+                platform: r.platform,
+                time_s: r.time_s,
+                place: Place::from_geodetic(frame, at, r.alt_amsl_m),
+                ppm: r.co2_ppm?,
+            })
         };
         // A curtain is flown: means over a time or a line are of no one place.
-        let of_places = self
-            .readings
-            .iter()
-            .flatten()
-            .filter(|r| r.span.is_a_point());
-        let samples: Vec<Sample> = of_places.map(sample).collect();
+        let rows = self.observations.rows.iter();
+        let of_places = rows.filter(|r| r.averaging_s.is_none() && r.line_end.is_none());
+        let mut samples: Vec<Sample> = of_places.filter_map(sample).collect();
+        samples.sort_by(|a, b| {
+            (a.platform, a.time_s)
+                .partial_cmp(&(b.platform, b.time_s))
+                .unwrap_or(std::cmp::Ordering::Equal)
+        });
         let reference = base.wind.turned(self.turn_deg());
         let faster = wind_m_s.value / reference.reference_speed_m_s();
         let wind = |height_agl_m: f64| {
@@ -802,37 +670,25 @@ impl Calibrator {
     }
 }
 
-/// About as many of the readings, which stand platform by platform, as a search needs.
-fn part_of(readings: &[AveragedReading]) -> Vec<AveragedReading> {
-    let mut ranges = Vec::new();
-    for of_platform in readings.chunk_by(|a, b| a.row.platform == b.row.platform) {
-        let first = ranges.last().map_or(0, |r: &Range<usize>| r.end);
-        ranges.push(first..first + of_platform.len());
-    }
-    let kept = every(&ranges, ROWS_OF_A_SEARCH);
-    kept.map_or_else(
-        || readings.to_vec(),
-        |kept| kept.into_iter().map(|k| readings[k]).collect(),
-    )
+/// How thoroughly readings are fitted.
+enum Depth<'f> {
+    /// Enough to see whether a part of them locates the plume.
+    Glance,
+    /// A search on a part of them.
+    Search,
+    /// All of them, from the last fit in flight.
+    From(&'f infer::Fit),
+    /// All of them, from a search, with the noise found as well as can be.
+    Refine(&'f infer::Fit),
 }
 
-impl AveragingBin {
-    fn finish(self, platform: usize) -> AveragedReading {
-        let n = self.count;
-        AveragedReading {
-            row: Row {
-                platform,
-                time_s: self.time_s / n,
-                place: Place {
-                    east_m: self.place.east_m / n,
-                    north_m: self.place.north_m / n,
-                    height_agl_m: self.place.height_agl_m / n,
-                },
-                wind: self.wind,
-                air: SensorAir::UNKNOWN,
-            },
-            span: Span::default(),
-            ppm: self.ppm / n,
+impl Depth<'_> {
+    fn posterior(&self, problem: &Problem<'_, PlumeModel<'_>>) -> Result<Posterior, InferError> {
+        match self {
+            Self::Glance => problem.quick_posterior(),
+            Self::Search => problem.posterior(),
+            Self::From(before) => problem.posterior_from(before),
+            Self::Refine(found) => problem.refined_posterior(found),
         }
     }
 }

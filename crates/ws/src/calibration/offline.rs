@@ -2,19 +2,16 @@
 
 use super::{Calibrated, Calibrator};
 use crate::WsError;
-use air::geo::{Geodetic, wrap_deg};
-use air::wind::WindVector;
+use air::geo::wrap_deg;
+use plume::MechanismId;
 use plume::stability::Stability;
-use plume::{MechanismId, Place};
-use protocol::message::Estimate;
+use protocol::message::{Estimate, Peak};
 use scenario::Scenario;
-use scenario::airspace::SETPOINT_MARGIN_M;
-use scenario::observations::{DataQuality, ObservationRow, Observations, checks};
+use scenario::airspace::{Airspace, SETPOINT_MARGIN_M};
+use scenario::observations::{DataQuality, Observations, checks};
 use scenario::uncertain::Uncertain;
-
-/// Logged winds are averaged over one of these times on both sides, s, whichever makes the readings
-/// likeliest: a log is noisy, but the wind it shows may also really change.
-const WIND_AVERAGED_S: [f64; 7] = [0.0, 4.0, 12.0, 30.0, 120.0, 600.0, f64::INFINITY];
+use study::Interval;
+use study::flux::Method;
 
 /// A calibration from files.
 #[derive(Debug, Clone)]
@@ -25,6 +22,8 @@ pub struct OfflineCalibration {
     pub calibrated: Calibrated,
     /// The calibrator, to ask for further parameters.
     pub calibrator: Calibrator,
+    /// The rate of the source, kg/s, where sensors that all stand still tell it.
+    pub rate_at_rest: Option<Interval>,
     /// What was wrong with the raw observations and was left out.
     pub data_quality: Vec<DataQuality>,
 }
@@ -64,46 +63,86 @@ pub fn calibrate_in(
     let observations = observations.as_ref();
     let stated = scenario;
     let scenario = &stated.counted_from(zero_s);
-    let classes: Vec<_> = classes.iter().map(|(t, c)| (t - zero_s, *c)).collect();
-    let mut best: Option<Calibrator> = None;
-    // When a sensor is in clean air tells the wind as it was logged.
-    let as_logged = read(
-        scenario,
-        observations,
-        reference,
-        &averaged_winds(observations, 0.0),
-    )?;
-    let own = as_logged.own_zeros()?;
-    for averaged_s in WIND_AVERAGED_S {
-        let winds = averaged_winds(observations, averaged_s);
-        let nothing_logged = winds.iter().all(Option::is_none);
-        let mut calibrator = read(scenario, observations, reference, &winds)?;
-        calibrator.give_own_zeros(own.clone(), reference);
-        calibrator.set_classes(classes.clone());
-        calibrator.glance()?;
-        if best.as_ref().is_none_or(|b| calibrator.cost() < b.cost()) {
-            best = Some(calibrator);
-        }
-        if nothing_logged {
-            break;
-        }
+    let classes = classes.iter().map(|(t, c)| (t - zero_s, *c)).collect();
+    let mut calibrator = Calibrator::new(scenario, &observations.platforms, reference)?;
+    calibrator.set_classes(classes);
+    for row in &observations.rows {
+        calibrator.observe_row(row);
     }
-    let mut calibrator = match best {
-        Some(best) => best,
-        None => Calibrator::new(scenario, &observations.platforms, reference)?,
-    };
+    calibrator.finish();
     calibrator.conclude(scenario.fence.keep_out_radius_m + SETPOINT_MARGIN_M)?;
-    if let Some(from_deg) = logged_from_deg(observations) {
+    if let Some(from_deg) = calibrator.logged_from_deg() {
         calibrator.set_wind_from(from_deg);
     }
-    let calibrated = calibrator.calibrated();
-    let corrected = corrected(stated, &calibrator, &calibrated, observations);
+    let mut calibrated = calibrator.calibrated();
+    let rate_at_rest = rate_at_rest(scenario, observations);
+    let stated_kg_s = stated.value(Uncertain::Emission);
+    if let Some((rate, stated_kg_s)) = rate_at_rest.zip(stated_kg_s) {
+        let factor = scaled(rate, rate.value / stated_kg_s);
+        let ratio = factor.value / calibrated.strength_factor.value;
+        calibrated.c_max_ppm = scaled(rate, ratio * calibrated.c_max_ppm.value);
+        calibrated.strength_factor = factor;
+    }
+    let corrected = corrected(stated, &calibrator, &calibrated);
     Ok(OfflineCalibration {
         scenario: corrected,
         calibrated,
         calibrator,
+        rate_at_rest,
         data_quality: checked.flaws,
     })
+}
+
+/// The rate that sensors which all stand still show by the sectors of the wind ([`study::point`], [`study::network`]), as
+/// `plumage flux` states it; none of others. The fit of the whole model, which has to know for each moment whether the
+/// plume was there, tells the rate worse, and everything else.
+fn rate_at_rest(scenario: &Scenario, observations: &Observations) -> Option<Interval> {
+    let methods = [Method::Point, Method::Network];
+    let fluxes = study::flux::estimate(scenario, observations, &methods).ok()?;
+    fluxes.conclude()?.headline.kg_s
+}
+
+/// A quantity that is known as well as a rate.
+fn scaled(rate: Interval, value: f64) -> Estimate {
+    Estimate {
+        value,
+        sd: value * rate.sd / rate.value,
+    }
+}
+
+impl OfflineCalibration {
+    /// The highest concentration where set-points may go, as it was when the plume was last met; none where the fence
+    /// leaves no such place.
+    pub fn peak(&self, airspace: &Airspace) -> Option<Peak> {
+        let fitted = self.calibrator.peak(airspace)?;
+        let Some(rate) = self.rate_at_rest else {
+            return Some(fitted);
+        };
+        let background = self.calibrated.background_ppm;
+        let ratio = self.calibrated.strength_factor.value
+            / self.calibrator.calibrated().strength_factor.value;
+        let excess = scaled(rate, ratio * (fitted.co2_ppm - background.value).max(0.0));
+        Some(Peak {
+            co2_ppm: background.value + excess.value,
+            sd_ppm: excess.sd.hypot(background.sd),
+            ..fitted
+        })
+    }
+
+    /// Lets the scenario's sensor have the noise that these readings showed, as what is known of it with the next.
+    pub fn learn_noise(&mut self) {
+        let Some(learned) = self.calibrator.learned_noise() else {
+            return;
+        };
+        let [white_within, slow_within, slow_time_within, ..] = learned.ln_sd.map(f64::exp);
+        let sensor = self.scenario.sensor_mut();
+        sensor.noise_sd_ppm = Some(learned.noise.white);
+        sensor.noise_sd_ppm_known_within = Some(white_within);
+        sensor.slow_sd_ppm = Some(learned.noise.slow);
+        sensor.slow_sd_ppm_known_within = Some(slow_within);
+        sensor.slow_time_s = Some(learned.noise.slow_s);
+        sensor.slow_time_s_known_within = Some(slow_time_within);
+    }
 }
 
 fn nothing_left(observations: &Observations, flaws: &[DataQuality]) -> WsError {
@@ -114,39 +153,11 @@ fn nothing_left(observations: &Observations, flaws: &[DataQuality]) -> WsError {
     }
 }
 
-/// A calibrator that has read all rows, each of which has its wind of `winds`.
-fn read(
-    scenario: &Scenario,
-    observations: &Observations,
-    reference: Option<&str>,
-    winds: &[Option<WindVector>],
-) -> Result<Calibrator, WsError> {
-    let frame = scenario.frame()?;
-    let mut calibrator = Calibrator::new(scenario, &observations.platforms, reference)?;
-    for (row, wind) in observations.rows.iter().zip(winds) {
-        let Some(ppm) = row.co2_ppm else { continue };
-        let at = Geodetic {
-            lat_deg: row.lat_deg,
-            lon_deg: row.lon_deg,
-        };
-        let place = Place::from_geodetic(&frame, at, row.alt_amsl_m);
-        let wind = wind.map(|w| (w.speed_m_s(), w.from_deg()));
-        let span = row.span(&frame);
-        calibrator.observe_mean(row.platform, row.time_s, (place, span), wind, ppm);
-    }
-    calibrator.finish();
-    Ok(calibrator)
-}
-
-fn corrected(
-    scenario: &Scenario,
-    calibrator: &Calibrator,
-    found: &Calibrated,
-    observations: &Observations,
-) -> Scenario {
+fn corrected(scenario: &Scenario, calibrator: &Calibrator, found: &Calibrated) -> Scenario {
     let mut corrected = scenario.clone();
     // The turn is against the wind that was logged; without a log, against the scenario's.
-    let from_deg = logged_from_deg(observations).unwrap_or(scenario.weather.wind_from_deg);
+    let logged = calibrator.logged_from_deg();
+    let from_deg = logged.unwrap_or(scenario.weather.wind_from_deg);
     let turned = wrap_deg(from_deg + calibrator.turn_deg());
     let factor = found.strength_factor;
     let strength = |value: Option<f64>| value.unwrap_or_default() * factor.value;
@@ -227,93 +238,6 @@ fn corrected(
             corrected.set_with_sd(key, value, sd);
         }
     }
-    corrected.extend(&calibrator.of_sensors());
+    corrected.extend(&calibrator.beside_keys());
     corrected
-}
-
-/// The wind logged in a row, if it was.
-fn logged(row: &ObservationRow) -> Option<WindVector> {
-    Some(WindVector::from_speed_and_direction(
-        row.wind_speed_m_s?,
-        row.wind_from_deg?,
-    ))
-}
-
-/// Direction from which the mean of the logged winds blows, degrees: what a turn that was found
-/// against the log turns. None where no row has a wind.
-fn logged_from_deg(observations: &Observations) -> Option<f64> {
-    let winds = observations.rows.iter().filter_map(logged);
-    let sum = winds.fold(None, |sum: Option<WindVector>, wind| {
-        let (east, north) = sum.map_or((0.0, 0.0), |s| (s.east_m_s, s.north_m_s));
-        Some(WindVector {
-            east_m_s: east + wind.east_m_s,
-            north_m_s: north + wind.north_m_s,
-        })
-    });
-    sum.map(WindVector::from_deg)
-}
-
-/// Average of each row's logged wind over its platform's rows within `averaged_s` before and
-/// after; none where nothing was logged.
-fn averaged_winds(observations: &Observations, averaged_s: f64) -> Vec<Option<WindVector>> {
-    let mut winds = vec![None; observations.rows.len()];
-    for platform in 0..observations.platforms.len() {
-        let rows: Vec<(usize, f64, Option<WindVector>)> = observations
-            .rows
-            .iter()
-            .enumerate()
-            .filter(|(_, row)| row.platform == platform)
-            .map(|(k, row)| (k, row.time_s, logged(row)))
-            .collect();
-        // A moving average: each row enters and leaves the sums once.
-        let (mut first, mut next) = (0, 0);
-        let (mut east, mut north, mut count) = (0.0, 0.0, 0.0);
-        for &(k, time_s, _) in &rows {
-            while next < rows.len() && rows[next].1 <= time_s + averaged_s {
-                if let Some(wind) = rows[next].2 {
-                    (east, north, count) =
-                        (east + wind.east_m_s, north + wind.north_m_s, count + 1.0);
-                }
-                next += 1;
-            }
-            while rows[first].1 < time_s - averaged_s {
-                if let Some(wind) = rows[first].2 {
-                    (east, north, count) =
-                        (east - wind.east_m_s, north - wind.north_m_s, count - 1.0);
-                }
-                first += 1;
-            }
-            if count > 0.5 {
-                winds[k] = Some(WindVector {
-                    east_m_s: east / count,
-                    north_m_s: north / count,
-                });
-            }
-        }
-    }
-    winds
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_logged_direction_is_that_of_the_mean_vector() {
-        let header =
-            "time_s,platform,lat_deg,lon_deg,alt_amsl_m,co2_ppm,wind_speed_m_s,wind_from_deg";
-        let read = |winds: [&str; 2]| {
-            let [a, b] = winds;
-            let text = format!("{header}\n1,a,43.4,-7.8,700,450,{a}\n2,a,43.4,-7.8,700,451,{b}\n");
-            logged_from_deg(
-                &scenario::observations::parse(&[("a.csv", &text)], plume::Gas::Co2).unwrap(),
-            )
-        };
-        // 6 m/s from 350° and 6 m/s from 20°: the mean blows from 5°, not from 185°.
-        assert!((read(["6,350", "6,20"]).unwrap() - 5.0).abs() < 1e-9);
-        // The stronger counts for more: atan2(10, 5) = 63.43°.
-        assert!((read(["5,0", "10,90"]).unwrap() - 63.434_948_8).abs() < 1e-6);
-        assert!((read([",", "4,120"]).unwrap() - 120.0).abs() < 1e-9);
-        assert_eq!(read([",", ","]), None);
-    }
 }

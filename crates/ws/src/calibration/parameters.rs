@@ -2,12 +2,11 @@
 
 use air::geo::wrap_deg;
 use air::wind::{WindProfile, towards_deg};
-use gap::plume::{HELD, LEVELS, Setup, Unknown, at_coordinates, priors_about};
+use gap::plume::{HELD, Setup, Unknown, at_coordinates, priors_about};
 use infer::Prior;
 use nalgebra::{DMatrix, DVector};
 use plume::{DispersionModel, DispersionSpec, Mechanism, MechanismId, Strength};
 use protocol::message::Estimate;
-use scenario::uncertain::usual;
 
 /// What a calibration found.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,100 +31,35 @@ pub struct Calibrated {
     pub strength_factor: Estimate,
 }
 
-/// The noise, and the background, of the sensor for which the concentrations below are meant, ppm; of another gas
-/// or sensor they are as many times as large, by that of the two which makes them larger.
-const NOISE_PPM: f64 = 3.0;
-const BACKGROUND_PPM: f64 = 450.0;
-
-/// What is always unknown, with the standard deviation that it has where the scenario marks nothing: how
-/// far a preliminary flight's estimates are usually off.
-const DEFAULTS: [(MechanismId, f64); 7] = [
-    (MechanismId::BackgroundOffset, 5.0),
-    (MechanismId::EffectiveHeightOffset, usual::HEIGHT_SD_M),
-    (MechanismId::WindDirectionOffset, usual::AXIS_SD_DEG),
-    (MechanismId::EmissionScale, usual::LN_STRENGTH_SD),
-    (MechanismId::SigmaYScale, usual::LN_SPREAD_SD),
-    (MechanismId::SigmaZScale, usual::LN_SPREAD_SD),
-    (MechanismId::SensorLag, 0.5),
-];
-/// The same of a sensor that is held against a reference.
-const SENSOR_DEFAULTS: [(MechanismId, f64); 2] = [
-    (MechanismId::SensorOffset, 10.0),
-    (MechanismId::SensorGain, 0.1),
-];
-
 /// The unknowns, in the coordinates of the catalogue of mechanisms.
 #[derive(Debug, Clone)]
 pub(crate) struct Unknowns {
     list: Vec<Unknown>,
     platforms: Vec<String>,
-    /// What the sizes of concentrations above are multiplied by.
-    scale: f64,
-    /// Whether zeros of single sensors hold what is known of the levels of all.
-    levels_held: bool,
+    /// What of the list is held because zeros of single sensors hold what is known of it.
+    held: Vec<MechanismId>,
     /// Sources that readings showed beside the scenario's; their parameters come after the list.
     added_sources: Vec<Mechanism>,
 }
 
 impl Unknowns {
-    pub fn new(
-        setup: &Setup,
-        base: &DispersionSpec,
-        platforms: &[String],
-        reference: Option<&str>,
-    ) -> Self {
-        let marked = setup.unknowns();
-        let [noise, background] = [
-            base.sensor.noise_sd_ppm / NOISE_PPM,
-            base.background_ppm / BACKGROUND_PPM,
-        ];
-        let scale = noise.max(background);
-        // Clean air and a perfect sensor say nothing of the size.
-        let scale = if scale > 0.0 { scale } else { 1.0 };
-        let scaled = |id: MechanismId, sd: f64| {
-            let is_ppm = id
-                .spec()
-                .parameters
-                .iter()
-                .any(|p| p.unit == "ppm" && p.default.is_none());
-            if is_ppm { scale * sd } else { sd }
-        };
-        let of = |(id, sd): (MechanismId, f64), platform: Option<usize>| {
-            let own = marked.iter().find(|u| u.id == id);
-            let mean = match id {
-                MechanismId::SensorLag => base.sensor.time_constant_s,
-                _ => 0.0,
-            };
-            Unknown {
-                platform,
-                ..own.copied().unwrap_or(Unknown {
-                    id,
-                    platform,
-                    setting: None,
-                    prior: Prior {
-                        mean,
-                        sd: scaled(id, sd),
-                    },
-                })
-            }
-        };
-        let mut list: Vec<Unknown> = DEFAULTS.into_iter().map(|d| of(d, None)).collect();
-        let others = |k: &usize| reference.is_some_and(|r| platforms[*k] != r);
-        for k in (0..platforms.len()).filter(others) {
-            list.extend(SENSOR_DEFAULTS.map(|d| of(d, Some(k))));
-        }
-        for unknown in &marked {
-            if list.iter().all(|u| u.id != unknown.id) {
-                list.push(*unknown);
-            }
-        }
-        Self {
-            list,
+    /// Those of a setup.
+    pub fn new(setup: &Setup, platforms: &[String]) -> Self {
+        let mut unknowns = Self {
+            list: Vec::new(),
             platforms: platforms.to_vec(),
-            scale,
-            levels_held: false,
+            held: Vec::new(),
             added_sources: Vec::new(),
-        }
+        };
+        unknowns.set(setup);
+        unknowns
+    }
+
+    /// Takes those of a setup that holds what readings say before any fit.
+    pub fn set(&mut self, setup: &Setup) {
+        self.list = setup.unknowns();
+        let held = self.list.iter().map(|u| u.id);
+        self.held = held.filter(|id| setup.is_held(*id)).collect();
     }
 
     /// Other sources beside the scenario's.
@@ -149,54 +83,17 @@ impl Unknowns {
         self.added_sources.iter().map(of).collect()
     }
 
-    /// Zeros and gains of the sensors of a network, in place of what else is unknown of these sensors; a
-    /// `reference` has none.
-    pub fn set_own(&mut self, mut own: Vec<Unknown>, reference: Option<&str>) {
-        let reference = self
-            .platforms
-            .iter()
-            .position(|p| Some(p.as_str()) == reference);
-        let is_zero = |u: &&mut Unknown| u.id == MechanismId::SensorOffset;
-        if let Some(k) = reference {
-            // The reference's zero is the background's.
-            let of_reference =
-                |u: &&Unknown| u.id == MechanismId::SensorOffset && u.platform == Some(k);
-            let zero = own.iter().find(of_reference).map(|u| u.prior);
-            let background = self.index(MechanismId::BackgroundOffset, None);
-            if let (Some(zero), Some(background)) = (zero, background) {
-                self.list[background].prior = zero;
-                own.iter_mut()
-                    .filter(is_zero)
-                    .for_each(|u| u.prior.mean -= zero.mean);
-            }
-            own.retain(|u| u.platform != Some(k));
-        } else if !own.is_empty() {
-            self.levels_held = true;
-            let held = |u: &&mut Unknown| u.platform.is_none() && LEVELS.contains(&u.id);
-            self.list
-                .iter_mut()
-                .filter(held)
-                .for_each(|u| u.prior.sd *= HELD);
-        }
-        self.list
-            .retain(|u| u.platform.is_none() || own.iter().all(|o| o.platform != u.platform));
-        self.list.extend(own);
-    }
-
-    /// Standard deviation of what a sensor's readings may be off all along beforehand, ppm: background and zero.
-    pub fn level_sd(&self) -> f64 {
-        let background = self.index(MechanismId::BackgroundOffset, None);
-        let background_sd = background.map_or(0.0, |k| self.list[k].prior.sd);
-        background_sd.hypot(self.scale * SENSOR_DEFAULTS[0].1)
-    }
-
-    /// What is unknown of single sensors, as mechanisms at these values, in the order in which they act.
-    pub fn of_sensors(&self, at: &DVector<f64>) -> Vec<Mechanism> {
+    /// Unknowns that no key of a scenario holds, as mechanisms at these values, in the order in which they act: of
+    /// single sensors, and the meander.
+    pub fn beside_keys(&self, at: &DVector<f64>) -> Vec<Mechanism> {
         let own = self.list.iter().zip(at.iter());
         own.filter_map(|(unknown, x)| {
-            let platform = unknown.platform?;
             let value = unknown.id.spec().parameters[0].from_coordinate(*x);
-            Some(self.of_sensor(unknown, value, platform))
+            match unknown.platform {
+                Some(platform) => Some(self.of_sensor(unknown, value, platform)),
+                None => (unknown.id == MechanismId::Meander)
+                    .then(|| Mechanism::from_values(unknown.id, &[value])),
+            }
         })
         .collect()
     }
@@ -207,14 +104,14 @@ impl Unknowns {
             .for_platforms(&self.platforms[platform..=platform])
     }
 
-    /// One more platform, that is not held against a reference.
+    /// One more platform, that is not compared with a reference.
     pub fn add_platform(&mut self, name: &str) {
         self.platforms.push(name.to_owned());
     }
 
-    /// As a forward model wants them.
-    pub fn list(&self) -> &[Unknown] {
-        &self.list
+    /// Number of unknowns beside those of added sources.
+    pub fn stated(&self) -> usize {
+        self.list.len()
     }
 
     fn priors(&self) -> impl Iterator<Item = Prior> {
@@ -246,7 +143,7 @@ impl Unknowns {
         let k = self.index(id, platform)?;
         let spec = &id.spec().parameters[0];
         let value = spec.from_coordinate(at[k]);
-        let is_held = self.levels_held && platform.is_none() && LEVELS.contains(&id);
+        let is_held = platform.is_none() && self.held.contains(&id);
         let widened = if is_held { 1.0 / HELD } else { 1.0 };
         Some(Estimate {
             value,

@@ -1,6 +1,6 @@
 //! The highest concentration where set-points may go, and how far readings stand behind it.
 
-use super::{AveragedReading, Calibrator};
+use super::Calibrator;
 use air::geo::{Enu, Position};
 use gap::plume::PlumeModel;
 use infer::{ForwardModel, PlumePlace};
@@ -71,7 +71,7 @@ impl Predicted {
     pub fn of(
         model: &PlumeModel<'_>,
         track: &Track,
-        readings: &[AveragedReading],
+        measured: &infer::Rows,
         estimate: &DVector<f64>,
         spec: plume::DispersionSpec,
         posterior: &infer::Posterior,
@@ -80,7 +80,20 @@ impl Predicted {
         let times = track.time_s().iter();
         let turns: Vec<f64> = times.map(|t| posterior.turn_deg(*t)).collect();
         let said = model.predict(estimate.as_slice(), &turns)?;
-        let rows = readings.iter().zip(&said.reading).zip(&said.plume);
+        // A reading that does not count is one of clean air that is as predicted.
+        let mut said = said;
+        for k in (0..track.len()).filter(|k| !measured.is_used(*k)) {
+            said.reading[k] -= said.plume[k];
+            said.plume[k] = 0.0;
+        }
+        let read = |k: usize| {
+            let rest = said.reading[k] - said.plume[k];
+            if measured.is_used(k) {
+                measured.measured()[k] - rest
+            } else {
+                0.0
+            }
+        };
         let places = model.places(estimate.as_slice())?;
         let (mut met, mut ln_distance) = (0.0, 0.0);
         for (place, plume) in places.iter().zip(&said.plume) {
@@ -93,15 +106,15 @@ impl Predicted {
             sigma_z_m: world.map_or(f64::NAN, |w| w.sigmas_m((ln_distance / met).exp()).1),
             axis: Vec::new(),
             mean_axis_sd_deg: 0.0,
-            at: readings
+            at: track
+                .ranges()
                 .iter()
-                .zip(track.time_s())
-                .map(|(r, time_s)| (r.row.platform, *time_s))
+                .enumerate()
+                .flat_map(|(platform, rows)| rows.clone().map(move |k| (platform, k)))
+                .map(|(platform, k)| (platform, track.time_s()[k]))
                 .collect(),
-            read: rows
-                .map(|((r, reading), plume)| r.ppm - (reading - plume))
-                .collect(),
-            plume: said.plume,
+            read: (0..track.len()).map(read).collect(),
+            plume: said.plume.clone(),
             white_ppm: posterior.fit().noise.white,
             wander_deg: posterior.fit().noise.wander_deg,
         };
@@ -111,6 +124,11 @@ impl Predicted {
             predicted.mean_axis_sd_deg = posterior.mean_turn(&times_s, axis).sd;
         }
         Ok(predicted)
+    }
+
+    /// The plume's part of every row, ppm.
+    pub fn plume(&self) -> &[f64] {
+        &self.plume
     }
 
     /// The plume's height where it was met, one standard deviation, m.

@@ -480,3 +480,39 @@ fn a_thousandth_of_the_gas_is_the_same_answer() {
         same(&|c| c.sigma_y_scale, false);
     }
 }
+
+/// Twenty minutes of clean air by a sensor of white noise 2 ppm and a zero that wanders by 6 ppm over 40 s, an
+/// Ornstein-Uhlenbeck process written out here.
+#[test]
+fn clean_air_teaches_the_noise_of_a_sensor() {
+    let mut rng = stream(7, "noise");
+    let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
+    let keep = (-1.0f64 / 40.0).exp();
+    let mut zero_ppm = 6.0 * normal();
+    let mut text = "time_s,platform,lat_deg,lon_deg,alt_amsl_m,co2_ppm\n".to_owned();
+    for k in 0..1200 {
+        // To and fro two kilometres upwind of the source.
+        let east_m = f64::from(k % 100) * 10.0;
+        let lon_deg = -7.89 + east_m / 80_800.0;
+        let ppm = 449.0 + zero_ppm + 2.0 * normal();
+        text += &format!("{k},6,43.43,{lon_deg:.7},800,{ppm:.3}\n");
+        zero_ppm = keep * zero_ppm + 6.0 * (1.0 - keep * keep).sqrt() * normal();
+    }
+    let scenario = Scenario::parse("s.toml", SCENARIO).unwrap();
+    let rows = scenario::observations::parse(&[("o.csv", &text)], scenario.gas()).unwrap();
+    let mut found = ws::calibration::offline::calibrate(&scenario, &rows, None).unwrap();
+    found.learn_noise();
+    let text = found.scenario.to_toml();
+    let learned = Scenario::parse("learned.toml", &text).unwrap();
+    let sensor = learned.sensor();
+    for (value, within, truth) in [
+        (sensor.noise_sd_ppm, sensor.noise_sd_ppm_known_within, 2.0),
+        (sensor.slow_sd_ppm, sensor.slow_sd_ppm_known_within, 6.0),
+        (sensor.slow_time_s, sensor.slow_time_s_known_within, 40.0),
+    ] {
+        let (value, within) = (value.unwrap(), within.unwrap());
+        let off = (value / truth).ln().abs() / within.ln();
+        assert!(off < 3.0, "{value} for {truth}, known within {within}");
+        assert!(within < 1.7, "{value} is known within {within} only");
+    }
+}

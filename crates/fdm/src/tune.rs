@@ -28,8 +28,6 @@ pub use robustness::RobustnessCase;
 pub use step_responses::StepResponse;
 pub use weather::WeatherCase;
 
-/// Period of the controller, s.
-const TICK_S: f64 = 0.02;
 /// First spread of the search, as a share of each gain (log scale).
 const FIRST_SPREAD: f64 = 0.35;
 /// Spread at which the search ends.

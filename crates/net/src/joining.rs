@@ -4,7 +4,7 @@
 
 use crate::locks::lock;
 use crate::run::{Run, RunJoined, is_of_team};
-use crate::{Net, NetError};
+use crate::{Net, NetError, random};
 use futures_core::future::BoxFuture;
 use protocol::digest::hex;
 use protocol::joining::{Answer, Introduction, Question, Refused, time_key};
@@ -26,16 +26,6 @@ const LOOK: Duration = Duration::from_secs(1);
 const PATIENCE: Duration = Duration::from_secs(5);
 /// Length of a question, bytes: nobody meets one twice.
 const QUESTION_BYTES: usize = 16;
-
-/// Random bytes from the system, fit for keys.
-///
-/// # Errors
-/// [`NetError::Random`].
-pub fn random<const N: usize>() -> Result<[u8; N], NetError> {
-    let mut bytes = [0; N];
-    getrandom::fill(&mut bytes).map_err(|e| NetError::Random(e.to_string()))?;
-    Ok(bytes)
-}
 
 /// How far the door is open.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

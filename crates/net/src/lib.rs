@@ -43,6 +43,7 @@ mod locks;
 pub mod lockstep;
 mod options;
 pub mod presence;
+mod random;
 mod reach;
 pub mod realtime;
 mod refusals;
@@ -53,9 +54,9 @@ mod runs;
 mod session;
 
 pub use figures::Figures;
-pub use joining::random;
 pub use options::{DEFAULT_ENDPOINT, NetOptions, TlsFiles};
 pub use presence::Presence;
+pub use random::random;
 pub use runs::OneRun;
 pub use session::{Net, Received};
 

@@ -60,6 +60,7 @@ mod codec;
 pub mod control_level;
 pub mod digest;
 pub mod envelope;
+mod error;
 pub mod jobs;
 pub mod joining;
 pub mod key;
@@ -71,78 +72,7 @@ pub mod time;
 
 pub use agent::{Agent, Event, Outbox};
 pub use envelope::{Envelope, OLDEST_JSON_VERSION, WIRE_VERSION};
+pub use error::ProtocolError;
 pub use key::{AgentId, AgentKind, Interest, Topic};
 pub use message::Message;
 pub use time::{Pauses, SimTime};
-
-/// Why something on the bus was refused.
-#[derive(Debug, Clone, thiserror::Error, PartialEq)]
-pub enum ProtocolError {
-    /// A peer speaks another version of the wire format.
-    #[error(
-        "the peer uses wire version {theirs}, this program uses {ours}; update the older program"
-    )]
-    WireVersion {
-        /// Version byte received.
-        theirs: u8,
-        /// Version spoken here.
-        ours: u8,
-    },
-    /// Bytes that are no envelope.
-    #[error("{key}: not a valid envelope: {why}")]
-    Garbage {
-        /// Key expression it came in on.
-        key: String,
-        /// What the decoder met.
-        why: String,
-    },
-    /// The message is of another kind than its key promises.
-    #[error("{key} carries a {found} message; expected {expected}")]
-    WrongMessage {
-        /// Key expression it came in on.
-        key: String,
-        /// The kind found.
-        found: &'static str,
-        /// The kind that belongs on that key.
-        expected: &'static str,
-    },
-    /// A sender published on a key of another agent.
-    #[error("{sender} is not allowed to publish on {key}")]
-    ForeignSender {
-        /// Who claims to have sent it.
-        sender: String,
-        /// Key expression it came in on.
-        key: String,
-    },
-    /// A key that Plumage does not define.
-    #[error("key '{0}': expected plumage/<mission>/<kind>/<id>/<topic>")]
-    UnknownKey(String),
-    /// Something without a seal of the mission's key, or with one that does not hold.
-    #[error("message on {key} rejected: {fault}")]
-    Seal {
-        /// Key expression it came in on.
-        key: String,
-        /// What is wrong with it.
-        fault: seal::SealFault,
-    },
-    /// A number that cannot be.
-    #[error("{key}: {field} is {value:?}; expected {low} to {high}")]
-    Implausible {
-        /// Key expression it came in on.
-        key: String,
-        /// The field.
-        field: &'static str,
-        /// What it holds.
-        value: f64,
-        /// The least that is taken.
-        low: f64,
-        /// The most that is taken.
-        high: f64,
-    },
-    /// A text that is no key of a mission.
-    #[error("not a mission key: expected 64 hexadecimal digits")]
-    BadKey,
-    /// A name that cannot be part of a key.
-    #[error("name '{0}': expected 1 to 32 of letters, digits, '-' and '_'")]
-    BadName(String),
-}

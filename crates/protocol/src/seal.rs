@@ -4,8 +4,10 @@
 //! A seal is an HMAC-SHA256 (RFC 2104) over the key expression, the bytes said, the run, and a number that grows.
 //! It is no part of envelope, digest or recording. It does not hide anything: who is let onto the bus can listen.
 
-use crate::ProtocolError;
+pub use crate::error::SealFault;
+
 use crate::digest::hex;
+use crate::error::ProtocolError;
 use hmac::{Hmac, KeyInit as _, Mac as _};
 use sha2::Sha256;
 use std::collections::BTreeMap;
@@ -134,33 +136,6 @@ impl Sealer {
                 .unwrap_or_default(),
         );
         seal
-    }
-}
-
-/// Why a seal was not taken.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum SealFault {
-    /// There is none.
-    Missing,
-    /// It was not made with the mission's key, or for something else.
-    Wrong,
-    /// It is of another run of the mission.
-    OtherRun,
-    /// It was heard before, or what its sender said later was.
-    Replayed,
-    /// It is an operator's, and was said long ago.
-    Late,
-}
-
-impl std::fmt::Display for SealFault {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Missing => "it has no seal",
-            Self::Wrong => "its seal does not match the mission key",
-            Self::OtherRun => "its seal belongs to another run of the mission",
-            Self::Replayed => "it repeats an earlier message",
-            Self::Late => "it is an operator's command older than 10 s",
-        })
     }
 }
 

@@ -1,11 +1,20 @@
 //! The fence that a ground station has uploaded: polygons and circles to stay in or out of.
 
-use crate::item_list::Item;
 use air::geo::{Enu, Geodetic, LocalFrame};
-use mav_bridge::dialect::MavCmd;
+use mav_bridge::dialect::{MISSION_ITEM_INT_DATA as Item, MavCmd};
+use protocol::SimTime;
 
 /// Places by latitude and longitude in 1e-7 degrees, as they were uploaded.
 type Place = (i32, i32);
+
+/// A vehicle outside its fence.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Breach {
+    pub since: SimTime,
+    /// How often it has left the fence.
+    pub count: u16,
+    pub outside: bool,
+}
 
 /// One border.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,7 +1,7 @@
 //! The stand-in's flight: modes as ArduPlane has them, flown by Plumage's flight dynamics.
 
-use crate::config::StandInConfig;
 use crate::estimator::Estimator;
+use crate::home_position::HomePosition;
 use crate::item_list::{Item, ItemList};
 use crate::mission_run::{MissionEvent, MissionRun, Place, Surroundings};
 use crate::parameters::{
@@ -59,24 +59,6 @@ pub(crate) struct Guidance {
     pub across_m: f64,
     /// True airspeed asked for, m/s.
     pub airspeed_m_s: f64,
-}
-
-/// Where it took off and comes home to.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct HomePosition {
-    pub at: Enu,
-    pub ground_amsl_m: f64,
-    pub heading_deg: f64,
-}
-
-impl HomePosition {
-    pub(crate) fn of(config: &StandInConfig) -> Self {
-        Self {
-            at: config.frame.to_enu(config.home),
-            ground_amsl_m: config.home_amsl_m,
-            heading_deg: config.launch_heading_deg,
-        }
-    }
 }
 
 /// The vehicle in flight.

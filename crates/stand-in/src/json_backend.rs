@@ -6,7 +6,7 @@
 
 use crate::config::StandInConfig;
 use crate::error::StandInError;
-use crate::flight::HomePosition;
+use crate::home_position::HomePosition;
 use crate::reality::Reality;
 use fdm::aircraft::Servos;
 use fdm::{FlightPhase, FlightSim, FlightState};

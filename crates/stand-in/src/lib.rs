@@ -46,6 +46,7 @@ mod error;
 mod estimator;
 mod fence;
 mod flight;
+mod home_position;
 mod item_list;
 pub mod json_backend;
 mod mission_run;

@@ -3,27 +3,20 @@
 
 mod leg;
 mod sequence;
+mod surroundings;
 
-use crate::flight::HomePosition;
-use crate::item_list::{Item, navigates};
-use crate::parameters::{AutopilotParameters, WP_LOITER_RAD};
-use crate::reality::Reality;
-use air::geo::{Enu, wrap_signed_deg};
-use fdm::autopilot::{Path, Sensed};
-use leg::Leg;
+pub(crate) use surroundings::{Place, Surroundings, altitude_amsl_m};
+
+use crate::item_list::Item;
+use air::geo::Enu;
+use fdm::autopilot::Path;
+use leg::{ALTITUDE_BAND_M, Leg};
 use mav_bridge::arduplane::RTL;
 use mav_bridge::dialect::{MavCmd, MavSeverity, MissionState};
 use sequence::Sequence;
 
 /// Altitude asked for above that at which a take-off is over, m: it is to be passed, not neared.
 const PASS_BY_M: f64 = 5.0;
-/// An altitude counts as reached within this, m.
-const ALTITUDE_BAND_M: f64 = 5.0;
-/// A circle counts as reached within this share of its radius.
-const ON_CIRCLE: f64 = 0.3;
-/// A circle is left when the course points to the next item within this, degrees; by as much more
-/// as it goes round beyond what was asked.
-const LINED_UP_DEG: f64 = 10.0;
 
 /// What a mission does beside flying a path.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,82 +33,6 @@ pub(crate) enum MissionEvent {
     Fence(bool),
     /// DO_SET_HOME: to here, or to a place.
     Home(Option<Place>),
-}
-
-/// A place in the site's plane with its altitude.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Place {
-    pub at: Enu,
-    pub alt_amsl_m: f64,
-}
-
-/// What surrounds a mission that is flown.
-pub(crate) struct Surroundings<'a> {
-    pub items: &'a [Item],
-    pub sensed: &'a Sensed,
-    pub home: HomePosition,
-    pub parameters: &'a AutopilotParameters,
-    pub reality: &'a Reality,
-    pub time_s: f64,
-}
-
-impl Surroundings<'_> {
-    pub(crate) fn here(&self) -> Place {
-        Place {
-            at: Enu::new(self.sensed.east_m, self.sensed.north_m),
-            alt_amsl_m: self.sensed.alt_amsl_m,
-        }
-    }
-
-    /// Course over ground, degrees.
-    pub(crate) fn course_deg(&self) -> f64 {
-        let [north, east, _] = self.sensed.vel_ned_m_s;
-        if self.sensed.on_ground {
-            self.sensed.yaw_rad.to_degrees()
-        } else {
-            east.atan2(north).to_degrees()
-        }
-    }
-
-    /// Where an item is; one without a place is where the vehicle is, and one without an altitude
-    /// as high.
-    pub(crate) fn place(&self, item: &Item) -> Place {
-        let here = self.here();
-        let nowhere = (item.x, item.y) == (0, 0);
-        let at = if nowhere {
-            here.at
-        } else {
-            crate::fence::local((item.x, item.y), &self.reality.frame)
-        };
-        let ground_amsl_m = |at| self.reality.ground_at_amsl_m(at);
-        let alt_amsl_m = if nowhere && item.z == 0.0 {
-            here.alt_amsl_m
-        } else {
-            altitude_amsl_m(item.frame as u8, item.z, self.home, || ground_amsl_m(at))
-                .unwrap_or(here.alt_amsl_m)
-        };
-        Place { at, alt_amsl_m }
-    }
-}
-
-/// Altitude above mean sea level of one given in a frame of MAVLink; none for a frame without
-/// altitude.
-pub(crate) fn altitude_amsl_m(
-    frame: u8,
-    z_m: f32,
-    home: HomePosition,
-    ground_amsl_m: impl Fn() -> f64,
-) -> Option<f64> {
-    let z_m = f64::from(z_m);
-    match frame {
-        // GLOBAL and GLOBAL_INT
-        0 | 5 => Some(z_m),
-        // GLOBAL_RELATIVE_ALT and its INT form
-        3 | 6 => Some(z_m + home.ground_amsl_m),
-        // GLOBAL_TERRAIN_ALT and its INT form
-        10 | 11 => Some(z_m + ground_amsl_m()),
-        _ => None,
-    }
 }
 
 /// How far a mission has been flown.
@@ -381,27 +298,4 @@ fn deed(item: &Item, around: &Surroundings) -> Option<MissionEvent> {
         // Landing start, camera, relay and the like: marks, or for hardware that is not here.
         _ => None,
     }
-}
-
-/// Radius of the circle of an item, m, positive clockwise.
-fn loiter_radius_m(item: &Item, parameters: &AutopilotParameters) -> f64 {
-    let usual_m = parameters.get(WP_LOITER_RAD);
-    let asked_m = f64::from(match item.command {
-        MavCmd::MAV_CMD_NAV_LOITER_TO_ALT => item.param2,
-        _ => item.param3,
-    });
-    // Of a circle for some time ArduPlane keeps the sense alone.
-    let has_radius = item.command != MavCmd::MAV_CMD_NAV_LOITER_TIME && asked_m.abs() >= 1.0;
-    if has_radius {
-        asked_m
-    } else if asked_m < 0.0 {
-        -usual_m.abs()
-    } else {
-        usual_m
-    }
-}
-
-/// Degrees between two courses, without sign.
-fn apart_deg(a: f64, b: f64) -> f64 {
-    wrap_signed_deg(a - b).abs()
 }

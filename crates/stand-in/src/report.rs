@@ -3,7 +3,8 @@
 
 mod inside;
 
-use crate::flight::{Guidance, HomePosition, is_manual};
+use crate::flight::{Guidance, is_manual};
+use crate::home_position::HomePosition;
 use crate::mission_run::Place;
 use crate::reality::HUMIDITY_PCT;
 use air::geo::{Enu, LocalFrame, wrap_deg};

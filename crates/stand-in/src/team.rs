@@ -1,7 +1,8 @@
 //! A vehicle of the team as any ground station sees it: an ArduPlane of its own, whatever flies it.
 #![allow(deprecated, reason = "ground stations still send the older forms")]
 
-use crate::flight::{Guidance, HomePosition, is_manual};
+use crate::flight::{Guidance, is_manual};
+use crate::home_position::HomePosition;
 use crate::item_list::Item;
 use crate::mission_run::{Place, altitude_amsl_m};
 use crate::parameters::AutopilotParameters;

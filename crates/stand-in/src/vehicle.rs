@@ -8,15 +8,15 @@ mod telemetry;
 
 use crate::config::StandInConfig;
 use crate::error::StandInError;
-use crate::fence::Fence;
-use crate::flight::{FlightController, HomePosition, MODES, Orders};
+use crate::fence::{Breach, Fence};
+use crate::flight::{FlightController, MODES, Orders};
+use crate::home_position::HomePosition;
 use crate::item_list::ItemList;
 use crate::reality::Reality;
 use crate::speaker::Speaker;
 use crate::streams::default_streams;
 use fdm::FlightState;
 use fdm::autopilot::Sticks;
-use fencing::Breach;
 use mav_bridge::dialect::MavMissionType;
 use mav_bridge::signing::Signing;
 use protocol::{Pauses, SimTime};

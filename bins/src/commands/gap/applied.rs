@@ -1,6 +1,6 @@
 //! An extension found before, on other data: `--apply`.
 
-use super::{OutputArguments, tell_causes};
+use super::output::{OutputArguments, tell_causes};
 use crate::{Failure, measured};
 use gap::applied::Earlier;
 use gap::plume::Analysis;

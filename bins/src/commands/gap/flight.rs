@@ -1,6 +1,6 @@
 //! `plumage gap flight`: measured flights against the aircraft of a file.
 
-use super::{OutputArguments, names, progress_bar, tell, write};
+use super::output::{OutputArguments, names, progress_bar, tell, write};
 use crate::Failure;
 use crate::measured::{self, AircraftFile};
 use fdm::Aircraft;

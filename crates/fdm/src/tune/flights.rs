@@ -5,7 +5,7 @@ use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use serde::Serialize;
 
-use super::{TICK_S, WeatherCase};
+use super::WeatherCase;
 use crate::aircraft::{Aircraft, ControlGains};
 use crate::autopilot::{Autopilot, Demand, Path, Sensed};
 use crate::error::FdmError;
@@ -16,6 +16,8 @@ use crate::state::{AirAround, FlightState};
 const STAGE_S: f64 = 18.0;
 /// Stages before the orbit.
 const STAGES: usize = 5;
+/// Period of the controller, s.
+pub(super) const TICK_S: f64 = 0.02;
 /// Length of the flight in each weather, s.
 const FLIGHT_S: f64 = 130.0;
 /// Time after a change of demand during which an error does not count, s.

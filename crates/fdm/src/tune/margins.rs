@@ -5,7 +5,7 @@
 use nalgebra::{Complex, DMatrix};
 use serde::Serialize;
 
-use super::TICK_S;
+use super::flights::TICK_S;
 use crate::aircraft::{Aircraft, ControlGains};
 use crate::autopilot::{InnerGains, inner_gains};
 use crate::dynamics::Dynamics;

@@ -7,8 +7,7 @@
 
 use nalgebra::Complex;
 
-use super::TICK_S;
-use super::flights::{START_AMSL_M, begin, tick_of};
+use super::flights::{START_AMSL_M, TICK_S, begin, tick_of};
 use super::margins::{LoopMargin, frequencies, of_response};
 use crate::aircraft::{Aircraft, ControlGains};
 use crate::autopilot::{Demand, Path};

@@ -2,8 +2,7 @@
 
 use serde::Serialize;
 
-use super::TICK_S;
-use super::flights::{START_AMSL_M, begin, course_rad, distance_m, tick_of};
+use super::flights::{START_AMSL_M, TICK_S, begin, course_rad, distance_m, tick_of};
 use crate::aircraft::{Aircraft, ControlGains};
 use crate::autopilot::{Autopilot, Demand, Path, Sensed, Sticks};
 use crate::error::FdmError;

@@ -215,7 +215,7 @@ impl Finder<'_> {
     fn stated(&self, names: &[String]) -> Result<(TimeCells, Kind), ImportError> {
         let cells = names
             .iter()
-            .map(|n| super::plan::column(self.name, self.layout, n))
+            .map(|n| self.layout.column(self.name, n))
             .collect::<Result<Vec<usize>, _>>()?;
         let nothing = |cell: usize| {
             self.error(

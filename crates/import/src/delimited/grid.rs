@@ -1,7 +1,6 @@
 //! Places of a log that has them as metres east and north: of UTM, or of a place.
 
 use super::layout::Layout;
-use super::plan;
 use crate::ImportError;
 use crate::map::PositionMap;
 use air::geo::{Enu, Geodetic, LocalFrame};
@@ -53,8 +52,8 @@ impl MetricPosition {
             }
         };
         Ok(Self {
-            east: plan::column(name, layout, &map.east)?,
-            north: plan::column(name, layout, &map.north)?,
+            east: layout.column(name, &map.east)?,
+            north: layout.column(name, &map.north)?,
             origin,
             decimal_comma: layout.decimal_comma,
         })

@@ -51,6 +51,27 @@ impl Layout {
         let mut header = self.header_cells.iter().enumerate();
         header.all(|(at, name)| cells.get(at) == name)
     }
+
+    /// The cell of the column that is called `wanted`, if there is one.
+    pub fn find_column(&self, wanted: &str) -> Option<usize> {
+        let exact = self.headers.iter().position(|h| h.is(wanted));
+        exact.or_else(|| self.headers.iter().position(|h| h.is_nearly(wanted)))
+    }
+
+    /// The cell of the column that is called `wanted`.
+    ///
+    /// # Errors
+    /// The log `name` has no such column.
+    pub fn column(&self, name: &str, wanted: &str) -> Result<usize, ImportError> {
+        self.find_column(wanted).ok_or_else(|| {
+            let there: Vec<&str> = self.headers.iter().map(|h| h.text.as_str()).collect();
+            ImportError::log(
+                format!("{name}: line {}", self.header_line),
+                format!("no column is called \"{wanted}\""),
+                format!("state one of {}", there.join(", ")),
+            )
+        })
+    }
 }
 
 /// Lines of `head`, without one that is cut off at its end unless the log `ended` there.

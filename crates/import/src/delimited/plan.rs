@@ -189,26 +189,6 @@ impl Plan {
     }
 }
 
-/// The cell of the column that is called `wanted`.
-///
-/// # Errors
-/// No column is called so.
-pub fn column(name: &str, layout: &Layout, wanted: &str) -> Result<usize, ImportError> {
-    optional(layout, wanted).ok_or_else(|| {
-        let there: Vec<&str> = layout.headers.iter().map(|h| h.text.as_str()).collect();
-        ImportError::log(
-            format!("{name}: line {}", layout.header_line),
-            format!("no column is called \"{wanted}\""),
-            format!("state one of {}", there.join(", ")),
-        )
-    })
-}
-
-fn optional(layout: &Layout, wanted: &str) -> Option<usize> {
-    let exact = layout.headers.iter().position(|h| h.is(wanted));
-    exact.or_else(|| layout.headers.iter().position(|h| h.is_nearly(wanted)))
-}
-
 type Rows = [Cells];
 
 /// What becomes of a log's columns, without its clock.
@@ -471,12 +451,13 @@ impl Planner<'_> {
         }
         match &stated.from {
             None => Ok(None),
-            Some(Names::One(name)) => {
-                column(self.name, self.layout, name).map(|cell| Some(Some(Source::Cell(cell))))
-            }
+            Some(Names::One(name)) => self
+                .layout
+                .column(self.name, name)
+                .map(|cell| Some(Some(Source::Cell(cell)))),
             Some(Names::Many(names)) => {
                 // One that holds nothing, or nothing but zeros, stands back behind one that reads.
-                let there = || names.iter().filter_map(|n| optional(self.layout, n));
+                let there = || names.iter().filter_map(|n| self.layout.find_column(n));
                 let reads = there().find(|c| !self.is_empty(*c) && !self.is_zero(*c));
                 let cell = reads.or_else(|| there().next());
                 Ok(cell.map(|cell| Some(Source::Cell(cell))))
@@ -1005,7 +986,7 @@ impl Planner<'_> {
 
     fn platform(&mut self) -> Result<Option<usize>, ImportError> {
         if let Some(name) = &self.map.platform_column {
-            return column(self.name, self.layout, name).map(Some);
+            return self.layout.column(self.name, name).map(Some);
         }
         if self.map.platform.is_some() {
             return Ok(None);

@@ -1,7 +1,6 @@
 //! The wind of a log that has it as components, of the earth or of the platform that measured it.
 
 use super::layout::Layout;
-use super::plan;
 use crate::ImportError;
 use crate::map::WindMap;
 use crate::quantity::Dimension;
@@ -135,7 +134,7 @@ impl Finder<'_> {
             Some(rest) if !exact => (-1.0, rest),
             _ => (1.0, column),
         };
-        let cell = plan::column(self.name, self.layout, column)?;
+        let cell = self.layout.column(self.name, column)?;
         let by_row = self.layout.units.get(cell).map(String::as_str);
         let unit = [stated, self.layout.headers[cell].bracket(), by_row]
             .into_iter()

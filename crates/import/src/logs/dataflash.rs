@@ -7,7 +7,7 @@
 //! A reader of our own: `ardupilot-binlog` 0.2.0 gives up after 256 damaged records in a row without a word, neither counts
 //! the bytes that it skips nor reports a failed read, and does not know the type `g`.
 
-use super::{Collected, Known, SeriesLog, Wanted};
+use super::series_log::{Collected, Known, SeriesLog, Wanted};
 use crate::ImportError;
 use formats::binary::Kind;
 use std::collections::BTreeMap;
@@ -222,7 +222,7 @@ impl Gathered {
     /// The filter's wind is a vector towards north and east.
     fn wind(&mut self, form: &Form, record: &[u8], time_s: f64) {
         if let (Some(north), Some(east)) = (form.value(record, "VWN"), form.value(record, "VWE")) {
-            super::push_wind(&mut self.series, &form.name, time_s, north, east);
+            super::series_log::push_wind(&mut self.series, &form.name, time_s, north, east);
         }
     }
 }

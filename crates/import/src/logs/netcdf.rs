@@ -3,7 +3,7 @@
 //! Layout: Unidata, *NetCDF Classic Format Specification*. Numbers are big endian; names, attributes and values are
 //! padded to four bytes; variables over the unlimited dimension stand record by record.
 
-use super::{Collected, Known, SeriesLog};
+use super::series_log::{Collected, Known, SeriesLog};
 use crate::ImportError;
 use crate::quantity::Dimension;
 use crate::time;

@@ -2,7 +2,7 @@
 //!
 //! Formats: mcap.dev, *Well-known encodings*, and those of [`formats`].
 
-use super::{Collected, SeriesLog, Wanted};
+use super::series_log::{Collected, SeriesLog, Wanted};
 use crate::ImportError;
 use formats::cdr::{Cdr, Definitions, short};
 use formats::mcap_records::{End, Records, RecordsError};

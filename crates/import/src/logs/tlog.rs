@@ -3,7 +3,7 @@
 //! Layout (mavlink.io, *MAVLink Guide*, and Mission Planner's documentation): eight bytes, big endian, microseconds
 //! since 1970, then a frame as on the wire.
 
-use super::{Collected, Known, SeriesLog, Wanted};
+use super::series_log::{Collected, Known, SeriesLog, Wanted};
 use crate::ImportError;
 use mavlink::dialects::ardupilotmega::{MavAutopilot, MavMessage};
 use mavlink::{MavlinkVersion, Message as _};

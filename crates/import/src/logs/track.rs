@@ -1,6 +1,6 @@
 //! Tracks: GPX, and KML's `gx:Track`.
 
-use super::{Collected, Known, SeriesLog};
+use super::series_log::{Collected, Known, SeriesLog};
 use crate::ImportError;
 use crate::time;
 use quick_xml::events::{BytesStart, Event};

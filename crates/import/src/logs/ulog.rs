@@ -6,7 +6,7 @@
 //! A reader of our own: `px4-ulog` 0.6.1 panics on a subscription or parameter that is too short, and ends at the first
 //! datum of an unknown subscription, behind which most of a damaged log may still be read.
 
-use super::{Collected, Known, SeriesLog, Wanted};
+use super::series_log::{Collected, Known, SeriesLog, Wanted};
 use crate::ImportError;
 use formats::binary::Kind;
 use std::collections::BTreeMap;
@@ -298,7 +298,13 @@ impl Gathered {
                 if let (Some(north), Some(east)) =
                     (value("windspeed_north"), value("windspeed_east"))
                 {
-                    super::push_wind(&mut self.series, &topic.name, time_s, north, east);
+                    super::series_log::push_wind(
+                        &mut self.series,
+                        &topic.name,
+                        time_s,
+                        north,
+                        east,
+                    );
                 }
             }
             name if RECEIVERS.contains(&name) => {

@@ -1,7 +1,7 @@
 //! Checklist before the first command: each point with the value found and the value expected.
 
-use super::BridgeConfig;
 use super::batteries::Batteries;
+use super::config::BridgeConfig;
 use super::fence::FenceOnBoard;
 use crate::dialect::{
     EkfStatusFlags, GPS_RAW_INT_DATA, GpsFixType, HOME_POSITION_DATA, MavSysStatusSensor,

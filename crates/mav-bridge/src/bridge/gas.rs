@@ -1,6 +1,5 @@
 //! Readings of the gas sensor among the named values.
 
-use super::BridgeConfig;
 use crate::dialect::NAMED_VALUE_FLOAT_DATA;
 use plume::{Gas, Unit};
 use protocol::SimTime;
@@ -75,16 +74,16 @@ pub(super) struct GasHeard {
 }
 
 impl GasHeard {
-    pub(super) fn new(config: &BridgeConfig) -> Self {
-        let inputs = if config.gas_inputs.is_empty() {
-            GasInput::of_formula(config.gas)
-        } else {
-            config.gas_inputs.clone()
+    /// Of the readings of `gas` called `inputs`; of its formula if there are none.
+    pub(super) fn new(gas: Gas, inputs: &[GasInput]) -> Self {
+        let inputs = match inputs {
+            [] => GasInput::of_formula(gas),
+            inputs => inputs.to_vec(),
         };
         Self {
             inputs,
             // Air holds so much CO2 that no noise takes a reading below zero; of other gases it may.
-            least_ppm: if config.gas == Gas::Co2 { 0.0 } else { -1.0 },
+            least_ppm: if gas == Gas::Co2 { 0.0 } else { -1.0 },
             known: BTreeMap::new(),
             others: BTreeSet::new(),
             silent_since: None,
@@ -99,7 +98,7 @@ impl GasHeard {
         component: u8,
         now: SimTime,
     ) -> Option<Read> {
-        let name = super::receiving::text(&m.name[..]);
+        let name = super::texts::text(&m.name[..]);
         let of = |i: &&GasInput| i.name == name && i.component_id.is_none_or(|c| c == component);
         let Some(input) = self.inputs.iter().find(of) else {
             if self.others.len() < NAMES {

@@ -1,7 +1,7 @@
 //! Identification of the vehicle among the systems on a link. A configured id excludes all others;
 //! without one it is the only autopilot received, and of two neither is commanded.
 
-use super::BridgeConfig;
+use super::config::BridgeConfig;
 use crate::dialect::{HEARTBEAT_DATA, MavAutopilot, MavType};
 use crate::wire::RawFrame;
 use protocol::SimTime;

@@ -4,6 +4,7 @@ use super::attitude::STEERING_HZ;
 use super::batteries::Battery;
 use super::checklist;
 use super::identity::Found;
+use super::texts::text;
 use super::{Bridge, BridgeOutput, Checklist};
 use crate::authority::{BridgePhase, HeartbeatState};
 use crate::command_queue::VehicleCommand;
@@ -585,12 +586,6 @@ impl Bridge {
             out.events.push(event(Severity::Info, "link-losses", text));
         }
     }
-}
-
-/// The text of a field up to its first zero.
-pub(super) fn text(bytes: &[u8]) -> String {
-    let end = bytes.iter().position(|&b| b == 0).unwrap_or(bytes.len());
-    String::from_utf8_lossy(&bytes[..end]).into_owned()
 }
 
 fn severity(severity: MavSeverity) -> Severity {

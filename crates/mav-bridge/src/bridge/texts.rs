@@ -14,6 +14,12 @@ const MOST: usize = 20;
 /// Code of the events with such texts.
 const CODE: &str = "vehicle-says";
 
+/// The text of a field up to its first zero.
+pub(super) fn text(bytes: &[u8]) -> String {
+    let end = bytes.iter().position(|&b| b == 0).unwrap_or(bytes.len());
+    String::from_utf8_lossy(&bytes[..end]).into_owned()
+}
+
 /// A text that was passed on, and how often it came again since.
 #[derive(Debug, Clone)]
 struct Passed {

@@ -3,7 +3,7 @@
 //! (A to F), `obukhov_length_m`, `sigma_theta_deg`, in that order of preference. The header's order is free,
 //! other columns are ignored. Cells of optional columns may be empty or hold a [code](MISSING) for a missing value.
 
-use super::{
+use super::report::{
     ReportedPressure, ReportedWind, TimeScale, WeatherError, WeatherReport, WeatherReports,
 };
 use formats::calendar::iso_8601;

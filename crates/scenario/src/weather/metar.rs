@@ -4,7 +4,7 @@
 //! A parser of our own: of the many groups four are needed, and the text around reports, such as the dates
 //! of NOAA's files, is no part of the code form.
 
-use super::{
+use super::report::{
     ReportedPressure, ReportedWind, TimeScale, WeatherError, WeatherReport, WeatherReports,
 };
 use formats::calendar::{DAY_S, date, days};

@@ -3,7 +3,7 @@
 //! In a mission a text of weather counts from the mission's start. Observations count from 1970 where they were imported
 //! so, or from a time that only `mission.start` states; the text counts from 1970 where its times are UTC.
 
-use super::{TimeScale, WeatherError, WeatherReports};
+use super::report::{TimeScale, WeatherError, WeatherReports};
 use air::wind::WindProfile;
 
 /// Times from here on count from 1970, s: the year 1973, and three years after any start.

@@ -1,7 +1,7 @@
 //! The JSON of [Open-Meteo](https://open-meteo.com/en/docs): `current` and `hourly`, each with its units. Other
 //! services that speak the same form are read too.
 
-use super::{
+use super::report::{
     ReportedPressure, ReportedWind, TimeScale, WeatherError, WeatherReport, WeatherReports,
 };
 use air::geo::Geodetic;

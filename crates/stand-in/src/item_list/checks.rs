@@ -1,8 +1,10 @@
 //! Which items are taken, and in what form they are kept.
 #![allow(deprecated, reason = "ground stations still send the older forms")]
 
-use super::Item;
-use mav_bridge::dialect::{MISSION_ITEM_DATA, MavCmd, MavFrame, MavMissionResult, MavMissionType};
+use mav_bridge::dialect::{
+    MISSION_ITEM_DATA, MISSION_ITEM_INT_DATA as Item, MavCmd, MavFrame, MavMissionResult,
+    MavMissionType,
+};
 
 pub(crate) use MavMissionResult::MAV_MISSION_UNSUPPORTED as UNSUPPORTED;
 use MavMissionResult::{

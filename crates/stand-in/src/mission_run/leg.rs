@@ -1,13 +1,19 @@
 //! The way to one item, and when it is done.
 
-use super::{
-    ALTITUDE_BAND_M, Item, LINED_UP_DEG, ON_CIRCLE, Place, Surroundings, apart_deg, loiter_radius_m,
-};
-use crate::parameters::WP_RADIUS;
+use super::surroundings::{Place, Surroundings};
+use crate::item_list::Item;
+use crate::parameters::{AutopilotParameters, WP_LOITER_RAD, WP_RADIUS};
 use air::geo::{Enu, wrap_signed_deg};
 use fdm::autopilot::Path;
 use mav_bridge::dialect::MavCmd;
 
+/// An altitude counts as reached within this, m.
+pub(super) const ALTITUDE_BAND_M: f64 = 5.0;
+/// A circle counts as reached within this share of its radius.
+const ON_CIRCLE: f64 = 0.3;
+/// A circle is left when the course points to the next item within this, degrees; by as much more
+/// as it goes round beyond what was asked.
+const LINED_UP_DEG: f64 = 10.0;
 /// Distance over ground speed at which ArduPlane's path controller turns by default (period 17 s,
 /// damping .75), s.
 const TURN_AHEAD_S: f64 = 4.06;
@@ -202,4 +208,27 @@ impl Leg {
             course_deg: (is_long && self.from_waypoint).then(|| self.from.bearing_deg(self.to.at)),
         }
     }
+}
+
+/// Radius of the circle of an item, m, positive clockwise.
+fn loiter_radius_m(item: &Item, parameters: &AutopilotParameters) -> f64 {
+    let usual_m = parameters.get(WP_LOITER_RAD);
+    let asked_m = f64::from(match item.command {
+        MavCmd::MAV_CMD_NAV_LOITER_TO_ALT => item.param2,
+        _ => item.param3,
+    });
+    // Of a circle for some time ArduPlane keeps the sense alone.
+    let has_radius = item.command != MavCmd::MAV_CMD_NAV_LOITER_TIME && asked_m.abs() >= 1.0;
+    if has_radius {
+        asked_m
+    } else if asked_m < 0.0 {
+        -usual_m.abs()
+    } else {
+        usual_m
+    }
+}
+
+/// Degrees between two courses, without sign.
+fn apart_deg(a: f64, b: f64) -> f64 {
+    wrap_signed_deg(a - b).abs()
 }

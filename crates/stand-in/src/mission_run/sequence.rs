@@ -1,6 +1,6 @@
 //! The order in which the items of a mission come: jumps, and what is done on the way.
 
-use super::{Item, navigates};
+use crate::item_list::{Item, navigates};
 use mav_bridge::dialect::MavCmd;
 use std::collections::{BTreeMap, VecDeque};
 

@@ -1,19 +1,11 @@
 //! The watch over the uploaded fence.
 
 use super::StandIn;
+use crate::fence::Breach;
 use crate::parameters::{FENCE_ACTION, FENCE_ENABLE};
 use mav_bridge::arduplane::RTL;
 use mav_bridge::dialect::{FENCE_STATUS_DATA, FenceBreach, MavSeverity};
 use protocol::SimTime;
-
-/// A vehicle outside its fence.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Breach {
-    since: SimTime,
-    /// How often it has left the fence.
-    count: u16,
-    outside: bool,
-}
 
 impl StandIn {
     /// Whether the fence is watched.

@@ -6,7 +6,7 @@
 
 use crate::ImportError;
 use crate::height::Datum;
-use crate::logs::{SeriesLog, is_gas, known_column};
+use crate::logs::series_log::{SeriesLog, is_gas, known_column};
 use crate::map::LogMap;
 use crate::series::Series;
 use std::collections::{BTreeMap, BTreeSet};

@@ -142,14 +142,23 @@ fn estimate(arguments: &EstimateArguments) -> Result<(), Failure> {
     let setup = mission_files::for_gas(setup, arguments.gas)?;
     let map = arguments.map.as_deref();
     let load = |gas| measured::load_by(&arguments.observations, gas, map);
-    let mut observations = load(setup.scenario.gas())?;
-    let setup = measured::weather_over(setup, &mut observations, &arguments.observations)?;
-    measured::fill_wind(&mut observations, &setup).map_err(Failure::input)?;
-    measured::tell(&observations.notices);
+    let prepared = |setup: mission::Setup, gas| {
+        let mut observations = load(gas)?;
+        let setup = measured::weather_over(setup, &mut observations, &arguments.observations)?;
+        Ok::<_, Failure>((setup, observations))
+    };
+    // The tracer's readings are at the times of the gas's or tell so.
     let tracer = arguments
         .tracer
-        .map(|(gas, kg_s)| load(gas).map(|observations| Tracer { observations, kg_s }))
+        .map(|(gas, kg_s)| {
+            let (_, observations) = prepared(setup.clone(), gas)?;
+            Ok::<_, Failure>(Tracer { observations, kg_s })
+        })
         .transpose()?;
+    let gas = setup.scenario.gas();
+    let (setup, mut observations) = prepared(setup, gas)?;
+    measured::fill_wind(&mut observations, &setup).map_err(Failure::input)?;
+    measured::tell(&observations.notices);
     let sheet = match &arguments.sheet {
         Some(file) => {
             let text = measured::read(file, "sheet")?;

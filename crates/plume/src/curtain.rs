@@ -113,6 +113,8 @@ pub struct Pass {
     pub distance_m: f64,
     /// What flows through each metre of height, kg/(s m).
     pub kg_s_m: f64,
+    /// Standard deviation of that if each reading has a noise of 1 ppm, kg/(s m ppm).
+    pub noise_kg_s_m_ppm: f64,
     /// The integral of the excess over the way as a vector, east and north, kg/m².
     pub along_kg_m2: [f64; 2],
     /// Where the excess lies in the mean; none where nothing exceeds the background.
@@ -297,6 +299,7 @@ impl Pass {
         let there = wind(height_agl_m);
         let (mut kg_s_m, mut along_kg_m2, mut parts) = (0.0, [0.0; 2], Vec::new());
         let (mut distance_m, mut weight, mut centroid) = (0.0, 0.0, [0.0; 2]);
+        let mut weights_m2_s = vec![0.0; samples.len()];
         for k in 0..samples.len() - 1 {
             let (a, b) = (&samples[k], &samples[k + 1]);
             let (east, north) = step_m(a, b);
@@ -312,12 +315,18 @@ impl Pass {
             centroid[0] += positive * at.east_m;
             centroid[1] += positive * at.north_m;
             parts.push((site.source.bearing_deg(at), kg_m3 * across_m2_s));
+            weights_m2_s[k] += 0.5 * across_m2_s;
+            weights_m2_s[k + 1] += 0.5 * across_m2_s;
         }
+        // Each reading by itself, and the line through the ends under all of them.
+        let of_line = weights_m2_s.iter().sum::<f64>().powi(2) / (2 * at_end) as f64;
+        let of_readings: f64 = weights_m2_s.iter().map(|w| w * w).sum();
         Ok(Self {
             time_s: [samples[0].time_s, samples[samples.len() - 1].time_s],
             height_agl_m,
             distance_m: distance_m / parts.len() as f64,
             kg_s_m,
+            noise_kg_s_m_ppm: site.gas.kg_m3((of_line + of_readings).sqrt(), air),
             along_kg_m2,
             centroid: (weight > 0.0).then(|| Enu::new(centroid[0] / weight, centroid[1] / weight)),
             parts,
@@ -325,7 +334,7 @@ impl Pass {
     }
 
     /// Whether it crosses all bearings within so many degrees of one.
-    fn covers(&self, bearing_deg: f64, within_deg: f64) -> bool {
+    pub fn covers(&self, bearing_deg: f64, within_deg: f64) -> bool {
         let off = |p: &(f64, f64)| wrap_signed_deg(p.0 - bearing_deg);
         let (low, high) = self
             .parts
@@ -343,7 +352,7 @@ fn mean(samples: &[Sample]) -> f64 {
 }
 
 /// Those of passes that cross the whole plume: where it lies is what flows through all of them.
-fn covering(passes: Vec<&Pass>) -> Vec<&Pass> {
+pub fn covering(passes: Vec<&Pass>) -> Vec<&Pass> {
     let parts = || passes.iter().flat_map(|p| &p.parts);
     let highest = parts()
         .max_by(|a, b| a.1.total_cmp(&b.1))

@@ -3,9 +3,10 @@
 use crate::{Interval, Share, Term, budget};
 use statrs::function::erf::erfc;
 
-/// Terms that are the same on all visits: the same instrument, the same model of the spread, the same heights.
-const SYSTEMATIC: [Term; 4] = [
+/// Terms that are the same on all visits: the same instrument, the same model of the spread, the same source.
+const SYSTEMATIC: [Term; 5] = [
     Term::WindSpeed,
+    Term::SourcePosition,
     Term::Dispersion,
     Term::Height,
     Term::Sensor,

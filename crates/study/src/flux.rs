@@ -1,7 +1,7 @@
 //! The rate of a source by every method whose conditions the observations meet, and the conclusion from all.
 
 use crate::combine::agreement_p;
-use crate::tracks::{ALWAYS, mean_wind, samples, site};
+use crate::tracks::{ALWAYS, Winds, samples, site};
 use crate::{
     GAIN_LN_SD, Interval, LOGGED_SPEED_LN_SD, PassFlux, PlumeFlux, SCENARIO_SPEED_LN_SD, Share,
     StudyError, Term, budget, network, point, transects,
@@ -295,17 +295,19 @@ fn by_curtain(scenario: &Scenario, observations: &Observations) -> Result<Source
     let frame = scenario.frame()?;
     let checked = checks::check(observations, &spec, &frame).observations;
     let samples = samples(&frame, &checked);
-    let logged = mean_wind(&checked, ALWAYS).map(|w| w.0);
-    let wind = |height_agl_m: f64| logged.unwrap_or_else(|| spec.wind.at(height_agl_m));
+    let winds = Winds::new((scenario, &spec), &frame, &checked);
+    let wind = |height_agl_m: f64| winds.at(height_agl_m, ALWAYS).vector;
     let (passes, rejected) = passes(&samples, &site(&spec), &wind);
     let Some(found) = curtain(&passes) else {
         return Err(StudyError::Refused(
             "no curtain: expected passes across the wind at three heights at least, at about one distance, with the plume between their ends".into(),
         ));
     };
-    let speed_ln_sd = match logged {
-        Some(_) => LOGGED_SPEED_LN_SD,
-        None => SCENARIO_SPEED_LN_SD,
+    let there = winds.at(spec.sources[0].effective_height_agl_m, ALWAYS);
+    let speed_ln_sd = if there.is_logged {
+        LOGGED_SPEED_LN_SD
+    } else {
+        SCENARIO_SPEED_LN_SD
     };
     let flux = found.flux;
     let passes_variance = (flux.sd_kg_s / flux.kg_s).powi(2).ln_1p();
@@ -318,7 +320,6 @@ fn by_curtain(scenario: &Scenario, observations: &Observations) -> Result<Source
         (Term::Sensor, GAIN_LN_SD.powi(2)),
     ];
     let ln_sd = terms.iter().map(|t| t.1).sum::<f64>().sqrt();
-    let there = logged.unwrap_or_else(|| spec.wind.at(spec.sources[0].effective_height_agl_m));
     Ok(SourceFlux {
         name: names(scenario),
         gas: scenario.gas(),
@@ -327,13 +328,13 @@ fn by_curtain(scenario: &Scenario, observations: &Observations) -> Result<Source
         upper_limit_kg_s: None,
         budget: budget(&terms),
         wind: Some(Wind {
-            treatment: if logged.is_some() {
+            treatment: if there.is_logged {
                 "logged"
             } else {
                 "scenario"
             },
-            speed_m_s: there.speed_m_s(),
-            from_deg: there.from_deg(),
+            speed_m_s: there.speed_m_s,
+            from_deg: there.vector.from_deg(),
             sd_deg: None,
         }),
         stability: None,

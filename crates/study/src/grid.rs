@@ -48,6 +48,27 @@ pub(crate) fn explained(parts: &[(f64, f64, f64)]) -> f64 {
     variance(&means)
 }
 
+/// The value below which `part` of the weight of values on a grid lies.
+pub(crate) fn weighted_quantile(mut values: Vec<(f64, f64)>, part: f64) -> f64 {
+    values.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let all: f64 = values.iter().map(|r| r.1).sum();
+    below(&values, part * all)
+}
+
+/// The value below which sorted values have this weight.
+fn below(sorted: &[(f64, f64)], wanted: f64) -> f64 {
+    let (mut below, mut before) = (0.0, sorted[0].0);
+    for &(value, weight) in sorted {
+        let next = below + weight;
+        if next >= wanted {
+            // Between the steps of the grid.
+            return before + (wanted - below) / weight * (value - before);
+        }
+        (below, before) = (next, value);
+    }
+    f64::NAN
+}
+
 /// The interval of a quantity whose logarithm has these values and weights, wider about its mean by an independent normal
 /// quantity of standard deviation `extra_sd`.
 pub(crate) fn interval(mut ln_values: Vec<(f64, f64)>, extra_sd: f64) -> Interval {
@@ -58,19 +79,7 @@ pub(crate) fn interval(mut ln_values: Vec<(f64, f64)>, extra_sd: f64) -> Interva
     }
     ln_values.sort_by(|a, b| a.0.total_cmp(&b.0));
     let all: f64 = ln_values.iter().map(|r| r.1).sum();
-    let at = |part: f64| {
-        let (mut below, mut before) = (0.0, ln_values[0].0);
-        for &(ln, weight) in &ln_values {
-            let next = below + weight;
-            if next >= part * all {
-                // Between the steps of the grid.
-                let within = (part * all - below) / weight;
-                return (before + within * (ln - before)).exp();
-            }
-            (below, before) = (next, ln);
-        }
-        f64::NAN
-    };
+    let at = |part: f64| below(&ln_values, part * all).exp();
     // One standard deviation of a normal quantity to both sides.
     const ONE_SD: [f64; 2] = [0.158_655, 0.841_345];
     Interval {

@@ -5,7 +5,7 @@
 //! - [`plume::curtain`]: the balance of mass of passes at several heights, without a model of the plume's spread;
 //! - [`point`]: one sensor at rest with a wind logged beside it: a car parked downwind, a mast, a hovering drone;
 //! - [`network`]: several sensors at rest;
-//! - [`transects`]: passes at one height, each by its plume integral.
+//! - [`transects`]: passes across the plume, each by its plume integral.
 //!
 //! [`tracer`] compares the gas with one that is released beside the source at a known rate. [`combine`] gives the mean of
 //! several visits. Each estimate carries a 95 % interval, the terms that make it wide, and the part of the record that it
@@ -19,6 +19,7 @@ pub mod flux;
 mod grid;
 pub mod network;
 pub mod point;
+mod position;
 mod profile;
 mod sectors;
 mod stations;
@@ -27,6 +28,7 @@ mod tracks;
 pub mod transects;
 pub mod units;
 mod vertical;
+mod wander;
 
 /// Standard deviation of ln wind speed: a calibrated anemometer, carried from its height to the plume's.
 pub(crate) const LOGGED_SPEED_LN_SD: f64 = 0.05;
@@ -79,8 +81,10 @@ impl Interval {
 pub enum Term {
     /// The speed of the wind.
     WindSpeed,
-    /// The direction of the wind, and where the source stands.
+    /// The direction of the wind.
     WindDirection,
+    /// Where the source stands.
+    SourcePosition,
     /// The spread of the plume.
     Dispersion,
     /// The height of source and sensor, and what flows above and below the passes.

@@ -7,11 +7,12 @@
 use crate::clean_air::{Excess, of_network};
 use crate::grid::{explained, interval, mean, normal_grid, variance};
 use crate::point::upper_limit_kg_s;
+use crate::position;
 use crate::profile::{DIRECTION_SD_DEG, PROFILE_FLOOR, Shape, moment};
 use crate::sectors::{
     EDDY_S, REACH_DEG, Sector, background_lever, highest, peaks_at_edge, sectors, stands_out,
 };
-use crate::stations::{Reading, Station, stations};
+use crate::stations::{Reading, Sight, Station, stations};
 use crate::vertical::Vertical;
 use crate::{GAIN_LN_SD, LOGGED_SPEED_LN_SD, PlumeFlux, StudyError, Term, budget};
 use plume::DispersionSpec;
@@ -123,7 +124,17 @@ fn flux(vertical: &Vertical<'_>, stations: &[Station], views: &[View<'_>]) -> Pl
         out.notes.push("the plume was not met".into());
         return out;
     }
-    let posterior = Posterior::of(vertical, views, speed_m_s);
+    let at_place = |displaced: [f64; 2]| {
+        let seen: Vec<(&View<'_>, Sight)> = views
+            .iter()
+            .map(|v| (v, v.station.seen_from(displaced)))
+            .collect();
+        Posterior::of(vertical, &seen, speed_m_s)
+    };
+    let posterior = at_place([0.0; 2]);
+    let position = position::variance(vertical.position_sd_m, out.distance_m, &|displaced| {
+        mean(&at_place(displaced).ln_rate)
+    });
     let weight = |v: &&View<'_>| moment(&v.sectors, v.station.distance_m);
     let all: f64 = met.iter().map(weight).sum();
     let background = met
@@ -140,13 +151,17 @@ fn flux(vertical: &Vertical<'_>, stations: &[Station], views: &[View<'_>]) -> Pl
         (Term::WindSpeed, LOGGED_SPEED_LN_SD.powi(2)),
         (Term::Sensor, GAIN_LN_SD.powi(2)),
         (Term::Background, background.powi(2)),
+        (Term::SourcePosition, position),
         (Term::WindDirection, posterior.direction_variance),
         (Term::Dispersion, posterior.dispersion_variance),
         (Term::Height, posterior.height_variance),
         (Term::Representativeness, station_variance.min(rest)),
         (Term::Turbulence, (rest - station_variance).max(0.0)),
     ]);
-    let extra_sd = LOGGED_SPEED_LN_SD.hypot(GAIN_LN_SD).hypot(background);
+    let extra_sd = LOGGED_SPEED_LN_SD
+        .hypot(GAIN_LN_SD)
+        .hypot(background)
+        .hypot(position.sqrt());
     let rate = interval(posterior.ln_rate, extra_sd);
     out.from_deg = air::geo::wrap_deg(out.from_deg + posterior.direction_deg);
     out.from_sd_deg = Some(posterior.direction_sd_deg);
@@ -173,19 +188,6 @@ fn flux(vertical: &Vertical<'_>, stations: &[Station], views: &[View<'_>]) -> Pl
     out
 }
 
-/// The posterior of ln rate, kg/s.
-struct Posterior {
-    /// ln rate with its weight.
-    ln_rate: Vec<(f64, f64)>,
-    direction_deg: f64,
-    direction_sd_deg: f64,
-    direction_variance: f64,
-    dispersion_variance: f64,
-    height_variance: f64,
-    /// What none of these explains.
-    rest_variance: f64,
-}
-
 /// ln likelihood of one station by direction, width and ln area.
 struct ByArea {
     /// ln of the lowest area, ppm m²/s.
@@ -195,15 +197,19 @@ struct ByArea {
 }
 
 impl ByArea {
-    fn of(spec: &DispersionSpec, view: &View<'_>, middle: f64, speed_m_s: f64) -> Self {
+    fn of(
+        spec: &DispersionSpec,
+        (view, sight): (&View<'_>, Sight),
+        middle: f64,
+        speed_m_s: f64,
+    ) -> Self {
         let lowest = middle - AREA_REACH_LN[0];
         let steps = ((AREA_REACH_LN[0] + AREA_REACH_LN[1]) / AREA_STEP_LN).round() as usize + 1;
         let floor = PROFILE_FLOOR * highest(&view.sectors);
-        let place = (view.station.distance_m, speed_m_s);
         let mut ln = Vec::new();
         for (direction, _) in normal_grid(GRID_STEPS) {
             for (width, _) in normal_grid(GRID_STEPS) {
-                let shape = Shape::new(spec, place, [direction, width]);
+                let shape = Shape::new(spec, (sight, speed_m_s), [direction, width]);
                 let at = |k: usize| (lowest + AREA_STEP_LN * k as f64).exp();
                 let own = (0..steps)
                     .map(|k| shape.ln_quasi_likelihood(&view.sectors, at(k), floor))
@@ -240,27 +246,41 @@ fn scattered(ln: &[f64]) -> Vec<f64> {
         .collect()
 }
 
+/// The posterior of ln rate, kg/s, of a source at one place.
+struct Posterior {
+    /// ln rate with its weight.
+    ln_rate: Vec<(f64, f64)>,
+    direction_deg: f64,
+    direction_sd_deg: f64,
+    direction_variance: f64,
+    dispersion_variance: f64,
+    height_variance: f64,
+    /// What none of these explains.
+    rest_variance: f64,
+}
+
 impl Posterior {
-    fn of(vertical: &Vertical<'_>, views: &[View<'_>], speed_m_s: f64) -> Self {
-        let middle = |v: &View<'_>| moment(&v.sectors, v.station.distance_m);
+    /// That of a source from which the sensors are seen so.
+    fn of(vertical: &Vertical<'_>, views: &[(&View<'_>, Sight)], speed_m_s: f64) -> Self {
+        let middle = |v: &(&View<'_>, Sight)| moment(&v.0.sectors, v.1.distance_m);
         let strongest = views.iter().map(middle).fold(0.0, f64::max).ln();
         let by_area: Vec<ByArea> = views
             .iter()
-            .map(|v| ByArea::of(vertical.spec, v, strongest, speed_m_s))
+            .map(|v| ByArea::of(vertical.spec, *v, strongest, speed_m_s))
             .collect();
-        // About what the strongest station shows at the density of all.
-        let density = |off: [f64; 2], v: &View<'_>| {
-            let own = vertical.density_1_m(v.station.at(), vertical.spec.stability, off);
+        let per_ppm = |v: &View<'_>| vertical.kg_m3_per_ppm(v.station.height_agl_m);
+        let density = |off: [f64; 2], (view, sight): &(&View<'_>, Sight)| {
+            let at = (sight.distance_m, view.station.height_agl_m);
+            let own = vertical.density_1_m(at, vertical.spec.stability, off);
             // The density falls below what numbers hold where σz is small.
-            let per_ppm = vertical.kg_m3_per_ppm(v.station.height_agl_m);
-            own.max(f64::MIN_POSITIVE).ln() - per_ppm.ln()
+            own.max(f64::MIN_POSITIVE).ln() - per_ppm(view).ln()
         };
+        // About what the strongest station shows at the density of all.
         let best = views
             .iter()
             .max_by(|a, b| middle(a).total_cmp(&middle(b)))
             .map_or(0.0, |v| {
-                let per_ppm = vertical.kg_m3_per_ppm(v.station.height_agl_m);
-                density([0.0; 2], v).max((LEAST_DENSITY_1_M / per_ppm).ln())
+                density([0.0; 2], v).max((LEAST_DENSITY_1_M / per_ppm(v.0)).ln())
             });
         let rates: Vec<f64> = (0..RATE_STEPS)
             .map(|k| {

@@ -11,7 +11,8 @@
 //! the same on every machine and needs no start value; the emission that the scenario states plays no part.
 
 use crate::clean_air::Excess;
-use crate::grid::{explained, interval, normal_grid, variance};
+use crate::grid::{explained, interval, mean, normal_grid, variance};
+use crate::position;
 use crate::profile::{DIRECTION_SD_DEG, PROFILE_FLOOR, Shape, moment};
 use crate::sectors::{
     REACH_DEG, SECTOR_DEG, Sector, background_lever, highest, peaks_at_edge, sectors, stands_out,
@@ -70,7 +71,6 @@ fn flux(
     sectors: &[Sector],
 ) -> PlumeFlux {
     let speed_m_s = station.mean_speed_m_s();
-    let at = station.at();
     let mut out = PlumeFlux {
         distance_m: station.distance_m,
         from_deg: air::geo::wrap_deg(station.bearing_deg + 180.0),
@@ -82,29 +82,32 @@ fn flux(
         out.notes.push("the plume was not met".into());
         return out;
     }
-    let profile = Profile::of(vertical.spec, station, sectors);
+    let place = (station, [0.0; 2]);
+    let profile = Profile::of(vertical.spec, place, sectors);
+    let rates = ln_rates(vertical, place, &profile);
     let background = excess.background_sd_ppm * background_lever(sectors, speed_m_s, PROFILE_FLOOR);
-    let [sigma_z_variance, height_variance] = vertical.variances(at, GRID_STEPS);
+    let position = position::variance(vertical.position_sd_m, station.distance_m, &|displaced| {
+        let place = (station, displaced);
+        let profile = Profile::of(vertical.spec, place, sectors);
+        mean(&ln_rates(vertical, place, &profile))
+    });
+    let [sigma_z_variance, height_variance] = vertical.variances(station.at(), GRID_STEPS);
     out.budget = budget(&[
         (Term::WindSpeed, LOGGED_SPEED_LN_SD.powi(2)),
         (Term::Sensor, GAIN_LN_SD.powi(2)),
         (Term::Background, background.powi(2)),
+        (Term::SourcePosition, position),
         (Term::WindDirection, profile.direction_variance),
         (Term::Turbulence, profile.turbulence_variance),
         (Term::Dispersion, profile.width_variance + sigma_z_variance),
         (Term::Height, height_variance),
     ]);
-    let scale = vertical.kg_m3_per_ppm(station.height_agl_m);
-    let extra_sd = LOGGED_SPEED_LN_SD.hypot(GAIN_LN_SD).hypot(background);
-    let densities = vertical.ln_density(at, GRID_STEPS);
-    let mut ln_rates = Vec::with_capacity(profile.ln_area.len() * densities.len());
-    for (ln_area, by_area) in &profile.ln_area {
-        for (ln_density, by_density) in &densities {
-            ln_rates.push((ln_area + scale.ln() - ln_density, by_area * by_density));
-        }
-    }
-    let rate = interval(ln_rates, extra_sd);
-    out.one_class_off_kg_s = vertical.one_class_off(at, rate.value);
+    let extra_sd = LOGGED_SPEED_LN_SD
+        .hypot(GAIN_LN_SD)
+        .hypot(background)
+        .hypot(position.sqrt());
+    let rate = interval(rates, extra_sd);
+    out.one_class_off_kg_s = vertical.one_class_off(station.at(), rate.value);
     out.from_deg = air::geo::wrap_deg(out.from_deg + profile.direction_deg);
     out.from_sd_deg = Some(profile.direction_sd_deg);
     if peaks_at_edge(sectors) {
@@ -116,7 +119,28 @@ fn flux(
     out
 }
 
-/// The posterior of ln area of the crosswind profile, ppm m²/s.
+/// ln rate, kg/s, of a source that is displaced by so many metres east and north, with weights.
+fn ln_rates(
+    vertical: &Vertical<'_>,
+    (station, displaced): (&Station, [f64; 2]),
+    profile: &Profile,
+) -> Vec<(f64, f64)> {
+    let at = (
+        station.seen_from(displaced).distance_m,
+        station.height_agl_m,
+    );
+    let scale = vertical.kg_m3_per_ppm(station.height_agl_m).ln();
+    let densities = vertical.ln_density(at, GRID_STEPS);
+    let mut out = Vec::with_capacity(profile.ln_area.len() * densities.len());
+    for (ln_area, by_area) in &profile.ln_area {
+        for (ln_density, by_density) in &densities {
+            out.push((ln_area + scale - ln_density, by_area * by_density));
+        }
+    }
+    out
+}
+
+/// The posterior of ln area of the crosswind profile, ppm m²/s, of a source at one place.
 struct Profile {
     /// ln area with its weight.
     ln_area: Vec<(f64, f64)>,
@@ -128,8 +152,13 @@ struct Profile {
 }
 
 impl Profile {
-    fn of(spec: &DispersionSpec, station: &Station, sectors: &[Sector]) -> Self {
-        let middle = moment(sectors, station.distance_m).ln();
+    fn of(
+        spec: &DispersionSpec,
+        (station, displaced): (&Station, [f64; 2]),
+        sectors: &[Sector],
+    ) -> Self {
+        let place = (station.seen_from(displaced), station.mean_speed_m_s());
+        let middle = moment(sectors, place.0.distance_m).ln();
         let grid: Vec<f64> = (0..AREA_STEPS)
             .map(|k| {
                 let part = 2.0 * k as f64 / (AREA_STEPS - 1) as f64 - 1.0;
@@ -137,7 +166,6 @@ impl Profile {
             })
             .collect();
         let floor = PROFILE_FLOOR * highest(sectors);
-        let place = (station.distance_m, station.mean_speed_m_s());
         let mut ln = Vec::new();
         for (direction, by_direction) in normal_grid(GRID_STEPS) {
             for (width, by_width) in normal_grid(GRID_STEPS) {
@@ -179,7 +207,7 @@ impl Profile {
         let width_variance = explained(&by_width);
         Self {
             ln_area,
-            direction_deg: crate::grid::mean(&directions),
+            direction_deg: mean(&directions),
             direction_sd_deg: variance(&directions).sqrt(),
             direction_variance,
             width_variance,

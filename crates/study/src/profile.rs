@@ -1,6 +1,7 @@
 //! The crosswind profile of a plume at a sensor at rest: a Gaussian in wind direction.
 
 use crate::sectors::{SECTOR_DEG, Sector};
+use crate::stations::Sight;
 use plume::DispersionSpec;
 use plume::sigma::sigma_y_m;
 
@@ -29,17 +30,18 @@ pub(crate) struct Shape {
 }
 
 impl Shape {
-    /// The profile at a distance in a wind of `speed_m_s`, with direction and ln width off by so many standard deviations.
+    /// The profile at a sensor in a wind of `speed_m_s`, with direction and ln width off by so many standard deviations.
     pub fn new(
         spec: &DispersionSpec,
-        (distance_m, speed_m_s): (f64, f64),
+        (sight, speed_m_s): (Sight, f64),
         [direction, width]: [f64; 2],
     ) -> Self {
+        let expected = width_rad(spec, sight.distance_m, speed_m_s);
         Self {
-            direction_rad: (DIRECTION_SD_DEG * direction).to_radians(),
-            width_rad: (width_rad(spec, distance_m, speed_m_s) * (WIDTH_LN_SD * width).exp())
+            direction_rad: (sight.turn_deg + DIRECTION_SD_DEG * direction).to_radians(),
+            width_rad: (expected * (WIDTH_LN_SD * width).exp())
                 .hypot(SECTOR_DEG.to_radians() / 12f64.sqrt()),
-            distance_m,
+            distance_m: sight.distance_m,
         }
     }
 

@@ -148,7 +148,30 @@ fn at_rest(name: &str, places: &[Place]) -> Result<Place, StudyError> {
     Ok(middle)
 }
 
+/// A sensor as seen from a source that stands elsewhere than stated.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Sight {
+    /// Distance from the source, m.
+    pub distance_m: f64,
+    /// How far its direction is turned clockwise from that of the stated source, degrees.
+    pub turn_deg: f64,
+}
+
+/// A source is at least so far from a sensor, m: the inlet is no leak.
+const LEAST_DISTANCE_M: f64 = 1.0;
+
 impl Station {
+    /// The sensor from a source that is displaced by so many metres east and north.
+    pub fn seen_from(&self, [east_m, north_m]: [f64; 2]) -> Sight {
+        let (sin, cos) = self.bearing_deg.to_radians().sin_cos();
+        let to = Enu::new(self.distance_m * sin, self.distance_m * cos);
+        let source = Enu::new(east_m, north_m);
+        Sight {
+            distance_m: source.distance_m(to).max(LEAST_DISTANCE_M),
+            turn_deg: wrap_signed_deg(source.bearing_deg(to) - self.bearing_deg),
+        }
+    }
+
     /// Distance from the source and height above ground, m.
     pub fn at(&self) -> (f64, f64) {
         (self.distance_m, self.height_agl_m)

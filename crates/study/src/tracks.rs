@@ -4,7 +4,15 @@ use air::geo::{Geodetic, LocalFrame};
 use air::wind::WindVector;
 use plume::curtain::{Sample, Site};
 use plume::{DispersionSpec, Place};
+use scenario::Scenario;
 use scenario::observations::{ObservationRow, Observations};
+
+/// A logged wind is carried to heights that differ from its own by this factor at most: beyond, no power law holds, and a
+/// vehicle on the ground logs no wind of the plume.
+const SAME_LAYER: f64 = 2.0;
+
+/// Heights are known to about this, m.
+const LEAST_HEIGHT_M: f64 = 1.0;
 
 /// The site of the first source.
 pub(crate) fn site(spec: &DispersionSpec) -> Site {
@@ -16,19 +24,22 @@ pub(crate) fn site(spec: &DispersionSpec) -> Site {
     }
 }
 
+fn place(frame: &LocalFrame, row: &ObservationRow) -> Place {
+    let at = Geodetic {
+        lat_deg: row.lat_deg,
+        lon_deg: row.lon_deg,
+    };
+    Place::from_geodetic(frame, at, row.alt_amsl_m)
+}
+
 /// Readings of moments at points, platform by platform in order of time.
 pub(crate) fn samples(frame: &LocalFrame, observations: &Observations) -> Vec<Sample> {
     let sample = |row: &ObservationRow| {
-        let at = Geodetic {
-            lat_deg: row.lat_deg,
-            lon_deg: row.lon_deg,
-        };
-        let place = Place::from_geodetic(frame, at, row.alt_amsl_m);
         let of_a_place = row.averaging_s.is_none() && row.line_end.is_none();
         row.co2_ppm.filter(|_| of_a_place).map(|ppm| Sample {
             platform: row.platform,
             time_s: row.time_s,
-            place,
+            place: place(frame, row),
             ppm,
         })
     };
@@ -37,34 +48,83 @@ pub(crate) fn samples(frame: &LocalFrame, observations: &Observations) -> Vec<Sa
     samples
 }
 
-/// Mean of the winds logged in a time as a vector, and their mean speed, m/s; none where no row has one.
-pub(crate) fn mean_wind(
-    observations: &Observations,
-    [from_s, to_s]: [f64; 2],
-) -> Option<(WindVector, f64)> {
-    let winds = observations
-        .rows
-        .iter()
-        .filter(|row| (from_s..=to_s).contains(&row.time_s))
-        .filter_map(|row| {
-            Some(WindVector::from_speed_and_direction(
-                row.wind_speed_m_s?,
-                row.wind_from_deg?,
-            ))
-        });
-    let (mut sum, mut speeds, mut count) = (WindVector::default(), 0.0, 0.0);
-    for wind in winds {
-        sum.east_m_s += wind.east_m_s;
-        sum.north_m_s += wind.north_m_s;
-        speeds += wind.speed_m_s();
-        count += 1.0;
-    }
-    let mean = WindVector {
-        east_m_s: sum.east_m_s / count,
-        north_m_s: sum.north_m_s / count,
-    };
-    (count > 0.0).then_some((mean, speeds / count))
+/// The wind at a height over a time.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct MeanWind {
+    /// Mean as a vector.
+    pub vector: WindVector,
+    /// Mean speed, m/s.
+    pub speed_m_s: f64,
+    /// Whether it was logged; else it is the scenario's.
+    pub is_logged: bool,
+}
+
+/// The winds that were logged, each at the height of its row.
+pub(crate) struct Winds<'a> {
+    spec: &'a DispersionSpec,
+    exponent: f64,
+    /// Time, s, height above ground, m, and wind.
+    rows: Vec<(f64, f64, WindVector)>,
 }
 
 /// All times.
 pub(crate) const ALWAYS: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
+
+impl<'a> Winds<'a> {
+    pub fn new(
+        (scenario, spec): (&Scenario, &'a DispersionSpec),
+        frame: &LocalFrame,
+        observations: &Observations,
+    ) -> Self {
+        let wind = |row: &ObservationRow| {
+            let wind =
+                WindVector::from_speed_and_direction(row.wind_speed_m_s?, row.wind_from_deg?);
+            Some((row.time_s, place(frame, row).height_agl_m, wind))
+        };
+        Self {
+            spec,
+            exponent: scenario.weather.wind_exponent,
+            rows: observations.rows.iter().filter_map(wind).collect(),
+        }
+    }
+
+    /// The mean wind at a height over a time; of all times where none was logged in it near that height, and the
+    /// scenario's where none was logged at all.
+    pub fn at(&self, height_agl_m: f64, during_s: [f64; 2]) -> MeanWind {
+        self.logged(height_agl_m, during_s)
+            .or_else(|| self.logged(height_agl_m, ALWAYS))
+            .unwrap_or_else(|| {
+                let vector = self.spec.wind.at(height_agl_m);
+                MeanWind {
+                    vector,
+                    speed_m_s: vector.speed_m_s(),
+                    is_logged: false,
+                }
+            })
+    }
+
+    fn logged(&self, height_agl_m: f64, [from_s, to_s]: [f64; 2]) -> Option<MeanWind> {
+        let (mut sum, mut speeds, mut count) = (WindVector::default(), 0.0, 0.0);
+        for (time_s, own_agl_m, wind) in &self.rows {
+            let ratio = height_agl_m.max(LEAST_HEIGHT_M) / own_agl_m.max(LEAST_HEIGHT_M);
+            let is_near = (1.0 / SAME_LAYER..=SAME_LAYER).contains(&ratio);
+            if !is_near || !(from_s..=to_s).contains(time_s) {
+                continue;
+            }
+            let factor = ratio.powf(self.exponent);
+            sum.east_m_s += factor * wind.east_m_s;
+            sum.north_m_s += factor * wind.north_m_s;
+            speeds += factor * wind.speed_m_s();
+            count += 1.0;
+        }
+        let vector = WindVector {
+            east_m_s: sum.east_m_s / count,
+            north_m_s: sum.north_m_s / count,
+        };
+        (count > 0.0).then_some(MeanWind {
+            vector,
+            speed_m_s: speeds / count,
+            is_logged: true,
+        })
+    }
+}

@@ -1,34 +1,41 @@
-//! The emission rate of one source from passes at one height, such as those of a car on a road downwind.
+//! The emission rate of one source from passes across its plume: those of a car on a road downwind, or of an aircraft at
+//! several heights.
 //!
 //! A pass carries ∫ excess · speed dl through each metre of height at its own; divided by the plume's vertical density
 //! there it is a rate. The gas moves from the source to where the pass meets it, so that the logged direction of the wind
-//! only tells which ways lie across it. The mean of the passes is the rate, their scatter is that of the turbulence.
+//! only tells which ways lie across it. Rate, σz and height of the plume are common to all passes, and the plume's axis
+//! wanders up and down meanwhile (`wander.rs`). The posterior of the rate is computed on a grid.
 
-use crate::grid::normal_grid;
-use crate::tracks::{ALWAYS, mean_wind, samples, site};
-use crate::vertical::Vertical;
+use crate::grid::{explained, interval, mean, normal_grid, variance, weighted_quantile};
+use crate::position;
+use crate::profile::DIRECTION_SD_DEG;
+use crate::tracks::{ALWAYS, MeanWind, Winds, samples, site};
+use crate::vertical::{MeanPlume, Vertical};
+use crate::wander::{Crossing, Wander};
 use crate::{
-    GAIN_LN_SD, Interval, LOGGED_SPEED_LN_SD, PassFlux, PlumeFlux, SCENARIO_SPEED_LN_SD,
-    StudyError, Term, budget,
+    GAIN_LN_SD, LOGGED_SPEED_LN_SD, PassFlux, PlumeFlux, SCENARIO_SPEED_LN_SD, StudyError, Term,
+    budget,
 };
 use air::geo::Enu;
 use air::wind::WindVector;
-use plume::curtain::{PASS_SCATTER, Pass, RejectedPass, Sample, passes};
+use plume::curtain::{Pass, RejectedPass, Sample, covering, passes};
 use scenario::Scenario;
 use scenario::observations::{Observations, checks};
 
 /// Fewest passes: the scatter of two says nothing of turbulence.
 const LEAST_PASSES: usize = 3;
-/// Passes of one height lie within this, m, as an aircraft holds its height.
-const SAME_LEVEL_M: f64 = 15.0;
 /// Readings are averaged until the platform has moved so far, m: positions of a vehicle that stands scatter by a few
 /// metres, and show no way.
 const STEP_M: f64 = 5.0;
-/// How many passes the scatter beforehand counts for, as in [`plume::curtain`].
-const BEFOREHAND_PASSES: f64 = 3.0;
-/// A pass that carries less than this part of the median pass met the edge of the plume, or none.
-const LEAST_PART: f64 = 0.05;
-const GRID_STEPS: usize = 21;
+/// The plume is met where a pass carries this many standard deviations of the sensor's noise, as at a sensor at rest.
+const MET_SD: f64 = 5.0;
+/// A pass says something of the rate by itself where the plume's density is at least this part of that on its axis: two
+/// standard deviations off.
+const LEAST_PART: f64 = 0.135;
+/// Steps of the grids of σz and height, and of ln rate: reach about the strongest pass, and number.
+const GRID_STEPS: usize = 13;
+const RATE_REACH_LN: f64 = 4.0;
+const RATE_STEPS: usize = 81;
 
 /// Estimates the rate of the source of `scenario` from the passes of `observations`.
 ///
@@ -45,181 +52,260 @@ pub fn estimate(scenario: &Scenario, observations: &Observations) -> Result<Plum
     }
     let transects = Transects {
         vertical: Vertical::new(scenario, &spec),
-        logged: mean_wind(&checked, ALWAYS),
-        observations: &checked,
+        winds: Winds::new((scenario, &spec), &frame, &checked),
     };
     let samples = moving(&samples(&frame, &checked));
-    let (passes, rejected) = passes(&samples, &site(&spec), &|h| transects.wind(h));
-    one_level(&passes)?;
-    let met = transects.met(&passes);
-    let used: Vec<&Pass> = met.iter().filter(|m| m.2).map(|m| m.0).collect();
+    let wind = |height_agl_m: f64| transects.winds.at(height_agl_m, ALWAYS).vector;
+    let (passes, rejected) = passes(&samples, &site(&spec), &wind);
+    let is_met = passes.iter().any(|p| transects.is_met(p));
+    let used = if is_met {
+        covering(passes.iter().collect())
+    } else {
+        passes
+            .iter()
+            .filter(|p| transects.lies_downwind(p))
+            .collect()
+    };
     if used.len() < LEAST_PASSES {
         return Err(StudyError::Refused(format!(
-            "{} passes across the wind meet the plume between clean air at both ends; expected {LEAST_PASSES}",
+            "{} passes cross the whole plume, with clean air at both ends; expected {LEAST_PASSES}",
             used.len()
         )));
     }
-    let mut flux = transects.flux(&used, scenario.sources[0].position_sd_m);
-    flux.passes = listed(&met, &rejected);
+    let mut flux = transects.flux(&used, is_met);
+    flux.passes = transects.listed(&passes, &used, &rejected);
     Ok(flux)
-}
-
-/// Passes of one height.
-fn one_level(passes: &[Pass]) -> Result<(), StudyError> {
-    let heights = || passes.iter().map(|p| p.height_agl_m);
-    let (low_m, high_m) = (
-        heights().fold(f64::INFINITY, f64::min),
-        heights().fold(f64::NEG_INFINITY, f64::max),
-    );
-    if high_m - low_m > SAME_LEVEL_M {
-        return Err(StudyError::Refused(format!(
-            "passes lie at heights from {low_m:.0} to {high_m:.0} m; expected one height"
-        )));
-    }
-    Ok(())
 }
 
 /// What passes are weighed by.
 struct Transects<'a> {
     vertical: Vertical<'a>,
-    /// Mean wind and mean speed, m/s, of the log.
-    logged: Option<(WindVector, f64)>,
-    observations: &'a Observations,
+    winds: Winds<'a>,
 }
 
 impl Transects<'_> {
-    fn wind(&self, height_agl_m: f64) -> WindVector {
-        self.logged
-            .map_or_else(|| self.vertical.spec.wind.at(height_agl_m), |w| w.0)
-    }
-
     fn source(&self) -> Enu {
         self.vertical.spec.sources[0].place
     }
 
-    /// The rate of a source at `source` by a pass, kg/s, and its distance there, m; none of a pass without excess.
-    fn weigh(&self, pass: &Pass, source: Enu) -> Option<(f64, f64)> {
-        let centroid = pass.centroid?;
-        let speed_m_s = mean_wind(self.observations, pass.time_s).map_or_else(
-            || self.wind(pass.height_agl_m).speed_m_s(),
-            |(_, speed)| speed,
-        );
-        let from_deg = source.bearing_deg(centroid) + 180.0;
-        let wind = WindVector::from_speed_and_direction(speed_m_s, from_deg);
+    fn is_met(&self, pass: &Pass) -> bool {
+        pass.kg_s_m > MET_SD * pass.noise_kg_s_m_ppm * self.vertical.spec.sensor.noise_sd_ppm
+    }
+
+    /// Whether a pass crosses where the wind carries the plume, and so much to both sides as the vane may be wrong.
+    fn lies_downwind(&self, pass: &Pass) -> bool {
+        let to_deg = self.winds.at(pass.height_agl_m, ALWAYS).vector.from_deg() + 180.0;
+        pass.covers(to_deg, DIRECTION_SD_DEG)
+    }
+
+    /// The wind that carried the gas that a pass meets: from when it left the source.
+    fn wind_of(&self, pass: &Pass) -> MeanWind {
+        let [from_s, to_s] = pass.time_s;
+        let mean = self.winds.at(pass.height_agl_m, ALWAYS);
+        let travel_s = pass.distance_m / mean.speed_m_s;
+        self.winds.at(pass.height_agl_m, [from_s - travel_s, to_s])
+    }
+
+    /// What a pass carries if the gas comes from `source`, and its distance there, m.
+    fn crossing(&self, pass: &Pass, source: Enu) -> (Crossing, f64) {
+        let wind = self.wind_of(pass);
+        let meets = pass.centroid.filter(|_| self.is_met(pass));
+        let from_deg = meets.map_or(wind.vector.from_deg(), |c| source.bearing_deg(c) + 180.0);
+        let carries = WindVector::from_speed_and_direction(wind.speed_m_s, from_deg);
         let [east, north] = pass.along_kg_m2;
-        let kg_s_m = (east * wind.north_m_s - north * wind.east_m_s).abs();
-        let distance_m = source.distance_m(centroid);
-        let at = (distance_m, pass.height_agl_m);
+        let kg_s_m = (east * carries.north_m_s - north * carries.east_m_s).abs();
+        let crossing = Crossing {
+            time_s: 0.5 * (pass.time_s[0] + pass.time_s[1]),
+            height_agl_m: pass.height_agl_m,
+            kg_s_m: kg_s_m.copysign(pass.kg_s_m),
+            noise_kg_s_m: pass.noise_kg_s_m_ppm * self.vertical.spec.sensor.noise_sd_ppm,
+        };
+        let distance_m = meets.map_or(pass.distance_m, |c| source.distance_m(c));
+        (crossing, distance_m.max(STEP_M))
+    }
+
+    fn plume(&self, distance_m: f64, off: [f64; 2]) -> MeanPlume {
         let class = self.vertical.spec.stability;
-        let density_1_m = self.vertical.density_1_m(at, class, [0.0; 2]);
-        Some((kg_s_m / density_1_m, distance_m))
+        self.vertical.plume(distance_m, class, off)
     }
 
-    /// Passes with their rates, kg/s, and whether they met the plume.
-    fn met<'p>(&self, passes: &'p [Pass]) -> Vec<(&'p Pass, f64, bool)> {
-        let weighed: Vec<(&Pass, f64)> = passes
-            .iter()
-            .filter_map(|p| Some((p, self.weigh(p, self.source())?.0)))
-            .collect();
-        let mut sorted: Vec<f64> = weighed.iter().map(|w| w.1).collect();
-        sorted.sort_by(f64::total_cmp);
-        let median = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
-        weighed
-            .into_iter()
-            .map(|(pass, kg_s)| (pass, kg_s, kg_s > LEAST_PART * median))
-            .collect()
+    /// The rate by a pass alone, kg/s; none of one beside the plume.
+    fn own_kg_s(&self, pass: &Pass) -> Option<f64> {
+        let (crossing, distance_m) = self.crossing(pass, self.source());
+        let plume = self.plume(distance_m, [0.0; 2]);
+        let density_1_m = plume.density_1_m(crossing.height_agl_m);
+        let on_axis_1_m = plume.density_1_m(plume.axis_agl_m);
+        (density_1_m > LEAST_PART * on_axis_1_m).then(|| crossing.kg_s_m / density_1_m)
     }
 
-    /// Mean rate, kg/s, mean distance, m, and all rates of a source at `source`.
-    fn mean(&self, passes: &[&Pass], source: Enu) -> (f64, f64, Vec<f64>) {
-        let weighed: Vec<(f64, f64)> = passes
-            .iter()
-            .filter_map(|p| self.weigh(p, source))
-            .collect();
-        let n = weighed.len() as f64;
-        (
-            weighed.iter().map(|w| w.0).sum::<f64>() / n,
-            weighed.iter().map(|w| w.1).sum::<f64>() / n,
-            weighed.iter().map(|w| w.0).collect(),
-        )
-    }
-
-    fn flux(&self, used: &[&Pass], position_sd_m: f64) -> PlumeFlux {
-        let source = self.source();
-        let (kg_s, distance_m, rates) = self.mean(used, source);
+    fn flux(&self, used: &[&Pass], is_met: bool) -> PlumeFlux {
         let n = used.len() as f64;
-        let at = (distance_m, used[0].height_agl_m);
-        let seen: f64 = rates.iter().map(|r| (r / kg_s - 1.0).powi(2)).sum();
-        let scatter_sq =
-            (seen + BEFOREHAND_PASSES * PASS_SCATTER.powi(2)) / (n - 1.0 + BEFOREHAND_PASSES);
-        let [sigma_z, height] = self.vertical.variances(at, GRID_STEPS);
-        let position = position_variance(position_sd_m, &|east_m, north_m| {
-            let moved = Enu::new(source.east_m + east_m, source.north_m + north_m);
-            self.mean(used, moved).0.ln()
-        });
-        let speed_ln_sd = if self.logged.is_some() {
+        let height_agl_m = used.iter().map(|p| p.height_agl_m).sum::<f64>() / n;
+        let there = self.winds.at(height_agl_m, ALWAYS);
+        let distances_m = used.iter().map(|p| self.crossing(p, self.source()).1);
+        let mut out = PlumeFlux {
+            distance_m: distances_m.sum::<f64>() / n,
+            from_deg: there.vector.from_deg(),
+            speed_m_s: there.speed_m_s,
+            ..PlumeFlux::default()
+        };
+        let posterior = self.posterior(used, [0.0; 2]);
+        if !is_met {
+            out.upper_limit_kg_s = Some(upper_limit_kg_s(posterior.ln_rate));
+            out.notes.push("the plume was not met".into());
+            return out;
+        }
+        let speed_ln_sd = if there.is_logged {
             LOGGED_SPEED_LN_SD
         } else {
             SCENARIO_SPEED_LN_SD
         };
-        let terms = [
-            (Term::Turbulence, scatter_sq / n),
-            (Term::Dispersion, sigma_z),
-            (Term::Height, height),
-            (Term::WindDirection, position),
+        let position_sd_m = self.vertical.position_sd_m;
+        let position = position::variance(position_sd_m, out.distance_m, &|displaced| {
+            mean(&self.posterior(used, displaced).ln_rate)
+        });
+        out.budget = budget(&[
+            (Term::Turbulence, posterior.turbulence_variance),
+            (Term::Dispersion, posterior.sigma_z_variance),
+            (Term::Height, posterior.height_variance),
+            (Term::SourcePosition, position),
             (Term::WindSpeed, speed_ln_sd.powi(2)),
             (Term::Sensor, GAIN_LN_SD.powi(2)),
-        ];
-        let ln_sd = terms.iter().map(|t| t.1).sum::<f64>().sqrt();
-        let there = self.wind(at.1);
-        PlumeFlux {
-            kg_s: Some(Interval::of_ln_normal(kg_s, ln_sd)),
-            budget: budget(&terms),
-            distance_m,
-            from_deg: there.from_deg(),
-            speed_m_s: self.logged.map_or_else(|| there.speed_m_s(), |w| w.1),
-            one_class_off_kg_s: self.vertical.one_class_off(at, kg_s),
-            notes: vec![format!(
-                "{} passes at {:.0} m above ground, each by its plume integral and the class's σz",
-                used.len(),
-                at.1
-            )],
-            ..PlumeFlux::default()
+        ]);
+        let extra_sd = speed_ln_sd.hypot(GAIN_LN_SD).hypot(position.sqrt());
+        let rate = interval(posterior.ln_rate, extra_sd);
+        let at = (out.distance_m, height_agl_m);
+        out.one_class_off_kg_s = self.vertical.one_class_off(at, rate.value);
+        out.notes.push(format!(
+            "{} passes at {}, each by its plume integral and the class's σz",
+            used.len(),
+            heights(used)
+        ));
+        out.kg_s = Some(rate);
+        out
+    }
+
+    /// The posterior of a source that is displaced by so many metres east and north.
+    fn posterior(&self, used: &[&Pass], [east_m, north_m]: [f64; 2]) -> Posterior {
+        let stated = self.source();
+        let source = Enu::new(stated.east_m + east_m, stated.north_m + north_m);
+        let mut seen: Vec<(Crossing, f64)> =
+            used.iter().map(|p| self.crossing(p, source)).collect();
+        seen.sort_by(|a, b| a.0.time_s.total_cmp(&b.0.time_s));
+        let (crossings, distances): (Vec<Crossing>, Vec<f64>) = seen.into_iter().unzip();
+        let wander = Wander::new(&crossings);
+        let plumes = |off: [f64; 2]| -> Vec<MeanPlume> {
+            distances.iter().map(|d| self.plume(*d, off)).collect()
+        };
+        let middle = middle_ln(&crossings, &plumes([0.0; 2]));
+        let rates: Vec<f64> = (0..RATE_STEPS)
+            .map(|k| middle + RATE_REACH_LN * (2.0 * k as f64 / (RATE_STEPS - 1) as f64 - 1.0))
+            .collect();
+        let kg_s: Vec<f64> = rates.iter().map(|r| r.exp()).collect();
+        let mut cells = Vec::new();
+        for (sigma_z, by_sigma_z) in normal_grid(GRID_STEPS) {
+            for (height, by_height) in self.vertical.height_steps(GRID_STEPS) {
+                let beforehand = (by_sigma_z * by_height).ln();
+                let ln = wander.ln_likelihood(&plumes([sigma_z, height]), &kg_s);
+                let ln: Vec<f64> = ln.into_iter().map(|l| l + beforehand).collect();
+                cells.push(([sigma_z, height], ln));
+            }
+        }
+        Posterior::summed(&rates, &cells)
+    }
+
+    /// All passes in order of time.
+    fn listed(&self, passes: &[Pass], used: &[&Pass], rejected: &[RejectedPass]) -> Vec<PassFlux> {
+        let is_used = |pass: &Pass| used.iter().any(|u| std::ptr::eq(*u, pass));
+        let mut out: Vec<PassFlux> = passes
+            .iter()
+            .map(|pass| PassFlux {
+                from_s: pass.time_s[0],
+                to_s: pass.time_s[1],
+                kg_s: self.own_kg_s(pass),
+                distance_m: pass.distance_m,
+                used: is_used(pass),
+                reason: (!is_used(pass)).then(|| "does not cross the whole plume".to_owned()),
+            })
+            .collect();
+        out.extend(rejected.iter().map(PassFlux::rejected));
+        out.sort_by(|a, b| a.from_s.total_cmp(&b.from_s));
+        out
+    }
+}
+
+/// ln rate by the strongest pass, if it crossed the axis.
+fn middle_ln(crossings: &[Crossing], plumes: &[MeanPlume]) -> f64 {
+    let of = |(crossing, plume): (&Crossing, &MeanPlume)| {
+        let carried = crossing.kg_s_m.max(crossing.noise_kg_s_m);
+        carried / plume.density_1_m(plume.axis_agl_m)
+    };
+    crossings
+        .iter()
+        .zip(plumes)
+        .map(of)
+        .fold(f64::MIN_POSITIVE, f64::max)
+        .ln()
+}
+
+/// The posterior of ln rate, kg/s, of a source at one place.
+struct Posterior {
+    /// ln rate with its weight.
+    ln_rate: Vec<(f64, f64)>,
+    sigma_z_variance: f64,
+    height_variance: f64,
+    turbulence_variance: f64,
+}
+
+impl Posterior {
+    fn summed(rates: &[f64], cells: &[([f64; 2], Vec<f64>)]) -> Self {
+        let top = cells
+            .iter()
+            .flat_map(|(_, ln)| ln)
+            .fold(f64::NEG_INFINITY, |a, b| a.max(*b));
+        let mut ln_rate: Vec<(f64, f64)> = rates.iter().map(|r| (*r, 0.0)).collect();
+        let mut by: [Vec<(f64, f64, f64)>; 2] = Default::default();
+        for (at, ln) in cells {
+            let (mut weight, mut sum) = (0.0, 0.0);
+            for (slot, l) in ln_rate.iter_mut().zip(ln) {
+                let w = (l - top).exp();
+                slot.1 += w;
+                weight += w;
+                sum += w * slot.0;
+            }
+            for (parts, value) in by.iter_mut().zip(at) {
+                parts.push((*value, sum, weight));
+            }
+        }
+        let [sigma_z_variance, height_variance] = by.map(|p| explained(&p));
+        let told = sigma_z_variance + height_variance;
+        Self {
+            turbulence_variance: (variance(&ln_rate) - told).max(0.0),
+            ln_rate,
+            sigma_z_variance,
+            height_variance,
         }
     }
 }
 
-/// All passes in order of time.
-fn listed(met: &[(&Pass, f64, bool)], rejected: &[RejectedPass]) -> Vec<PassFlux> {
-    let mut out: Vec<PassFlux> = met
-        .iter()
-        .map(|(pass, kg_s, used)| PassFlux {
-            from_s: pass.time_s[0],
-            to_s: pass.time_s[1],
-            kg_s: Some(*kg_s),
-            distance_m: pass.distance_m,
-            used: *used,
-            reason: (!used).then(|| "did not meet the plume".to_owned()),
-        })
-        .collect();
-    out.extend(rejected.iter().map(PassFlux::rejected));
-    out.sort_by(|a, b| a.from_s.total_cmp(&b.from_s));
-    out
+/// The rate that is not exceeded with 95 % probability, if all rates are as probable beforehand.
+fn upper_limit_kg_s(mut ln_rate: Vec<(f64, f64)>) -> f64 {
+    // The posterior is that of a uniform ln rate.
+    for (ln, weight) in &mut ln_rate {
+        *weight *= ln.exp();
+    }
+    weighted_quantile(ln_rate, 0.95).exp()
 }
 
-/// Variance of ln rate by the place of the source, which is known to `sd_m` in each direction.
-fn position_variance(sd_m: f64, ln_rate: &dyn Fn(f64, f64) -> f64) -> f64 {
-    if sd_m <= 0.0 {
-        return 0.0;
+/// Heights of passes in words.
+fn heights(passes: &[&Pass]) -> String {
+    let of = || passes.iter().map(|p| p.height_agl_m);
+    let (low_m, high_m) = (of().fold(f64::INFINITY, f64::min), of().fold(0.0, f64::max));
+    if high_m - low_m < STEP_M {
+        format!("{high_m:.0} m above ground")
+    } else {
+        format!("{low_m:.0} to {high_m:.0} m above ground")
     }
-    let along = |east: f64, north: f64| {
-        let values: Vec<(f64, f64)> = normal_grid(5)
-            .into_iter()
-            .map(|(z, w)| (ln_rate(z * sd_m * east, z * sd_m * north), w))
-            .collect();
-        crate::grid::variance(&values)
-    };
-    along(1.0, 0.0) + along(0.0, 1.0)
 }
 
 /// Samples averaged until their platform has moved by [`STEP_M`].

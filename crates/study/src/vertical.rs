@@ -14,9 +14,34 @@ const CURVE_LN_SD: f64 = 0.25;
 /// number (US EPA 1995, ISC3 User's Guide II, table 3-1: an elevated source on or adjacent to a building).
 const HEIGHTS_PER_INITIAL_SIGMA_Z: f64 = 2.15;
 
+/// The plume at a distance.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct MeanPlume {
+    pub axis_agl_m: f64,
+    pub sigma_z_m: f64,
+    /// Whether the ground reflects it.
+    pub reflects: bool,
+}
+
+impl MeanPlume {
+    /// Density over height, 1/m.
+    pub fn density_1_m(&self, height_agl_m: f64) -> f64 {
+        let bell = |off_m: f64| (-0.5 * (off_m / self.sigma_z_m).powi(2)).exp();
+        let image = if self.reflects {
+            bell(height_agl_m + self.axis_agl_m)
+        } else {
+            0.0
+        };
+        (bell(height_agl_m - self.axis_agl_m) + image)
+            / (std::f64::consts::TAU.sqrt() * self.sigma_z_m)
+    }
+}
+
 /// The plume's density over height, and its uncertain parameters.
 pub(crate) struct Vertical<'a> {
     pub spec: &'a DispersionSpec,
+    /// Standard deviation of the source's position, east and north, m.
+    pub position_sd_m: f64,
     initial_sigma_z_m: f64,
     source_height_sd_m: f64,
     stated_sigma_z_ln_sd: Option<f64>,
@@ -28,6 +53,7 @@ impl<'a> Vertical<'a> {
         let has_stack = scenario.sources[0].stack_height_m > 0.0;
         let sigma_z = scenario.prior_sd(Uncertain::SigmaZScale);
         Self {
+            position_sd_m: scenario.sources[0].position_sd_m,
             initial_sigma_z_m: if has_stack {
                 0.0
             } else {
@@ -39,27 +65,32 @@ impl<'a> Vertical<'a> {
         }
     }
 
-    /// Density at `height_agl_m`, 1/m, so far downwind, with σz and the source's height off by so many standard
-    /// deviations.
+    /// The plume so far downwind, with σz and the source's height off by so many standard deviations.
+    pub fn plume(
+        &self,
+        distance_m: f64,
+        class: Stability,
+        [sigma_z_off, height_off]: [f64; 2],
+    ) -> MeanPlume {
+        let spread_m = sigma_z_m(distance_m, class, self.spec.setting)
+            * self.spec.sigma_z_scale
+            * (self.sigma_z_ln_sd(distance_m) * sigma_z_off).exp();
+        MeanPlume {
+            axis_agl_m: self.spec.sources[0].effective_height_agl_m
+                + self.source_height_sd_m * height_off,
+            sigma_z_m: spread_m.hypot(self.initial_sigma_z_m),
+            reflects: self.spec.ground_reflection,
+        }
+    }
+
+    /// Density at `height_agl_m`, 1/m, of [`Self::plume`].
     pub fn density_1_m(
         &self,
         (distance_m, height_agl_m): (f64, f64),
         class: Stability,
-        [sigma_z_off, height_off]: [f64; 2],
+        off: [f64; 2],
     ) -> f64 {
-        let spread_m = sigma_z_m(distance_m, class, self.spec.setting)
-            * self.spec.sigma_z_scale
-            * (self.sigma_z_ln_sd(distance_m) * sigma_z_off).exp();
-        let sigma_z_m = spread_m.hypot(self.initial_sigma_z_m);
-        let source_m =
-            self.spec.sources[0].effective_height_agl_m + self.source_height_sd_m * height_off;
-        let bell = |off_m: f64| (-0.5 * (off_m / sigma_z_m).powi(2)).exp();
-        let image = if self.spec.ground_reflection {
-            bell(height_agl_m + source_m)
-        } else {
-            0.0
-        };
-        (bell(height_agl_m - source_m) + image) / (std::f64::consts::TAU.sqrt() * sigma_z_m)
+        self.plume(distance_m, class, off).density_1_m(height_agl_m)
     }
 
     /// Standard deviation of ln σz: what the scenario states, or that of the curve and of a class that is known to half a

@@ -241,9 +241,9 @@ pub(crate) fn emission(
 
 fn by_tracer(setup: &Setup, observations: &Observations, tracer: &Tracer, fluxes: &mut Fluxes) {
     let by = (&tracer.observations, tracer.kg_s);
-    match study::tracer::estimate(observations, by) {
+    let scenario = &setup.scenario;
+    match study::tracer::estimate(scenario, observations, by) {
         Ok(found) => {
-            let scenario = &setup.scenario;
             let estimate = SourceFlux {
                 name: scenario.sources[0].name.clone(),
                 gas: observations.gas,

@@ -189,7 +189,8 @@ fn relative(kg_s: f64, rate: Interval) -> String {
 fn term(share: &Share) -> String {
     match share.term {
         Term::WindSpeed => "wind speed",
-        Term::WindDirection => "wind direction and position",
+        Term::WindDirection => "wind direction",
+        Term::SourcePosition => "position of the source",
         Term::Dispersion => "dispersion",
         Term::Height => "height",
         Term::Background => "background",

@@ -19,7 +19,7 @@ pub mod flux;
 mod grid;
 pub mod network;
 pub mod point;
-mod position;
+pub mod position;
 mod profile;
 mod sectors;
 mod stations;
@@ -109,7 +109,7 @@ pub struct Share {
 }
 
 /// Shares of variances of ln rate, the largest first.
-pub(crate) fn budget(terms: &[(Term, f64)]) -> Vec<Share> {
+pub fn budget(terms: &[(Term, f64)]) -> Vec<Share> {
     let all: f64 = terms.iter().map(|t| t.1).sum();
     let mut shares: Vec<Share> = terms
         .iter()

@@ -5,7 +5,7 @@ const STEP_PART: f64 = 0.05;
 
 /// Variance of ln rate by a position that is known to `sd_m` east and north, where `ln_rate` gives the estimate for a
 /// source that is displaced by so many metres, and readings lie at `distance_m`.
-pub(crate) fn variance(sd_m: f64, distance_m: f64, ln_rate: &dyn Fn([f64; 2]) -> f64) -> f64 {
+pub fn variance(sd_m: f64, distance_m: f64, ln_rate: &dyn Fn([f64; 2]) -> f64) -> f64 {
     if sd_m <= 0.0 {
         return 0.0;
     }

@@ -152,7 +152,7 @@ type Both<'a> = (&'a (usize, i64), &'a Bin, &'a Bin);
 /// Both gases of one platform at all times at which both were read.
 fn pairs(gas: &Observations, tracer: &Observations) -> Vec<Pair> {
     let (gas, tracer) = (bins(gas), bins(tracer));
-    let mut by_window: BTreeMap<(usize, i64), Vec<(i64, Bin, Bin)>> = BTreeMap::new();
+    let mut by_window: BTreeMap<(usize, i64), Vec<InWindow>> = BTreeMap::new();
     let both: Vec<Both<'_>> = gas
         .iter()
         .filter_map(|(at, own)| Some((at, tracer.get(at)?, own)))
@@ -192,9 +192,12 @@ fn interval_s(both: &[Both<'_>]) -> f64 {
         .map_or(0.0, |g| *g as f64 * AVERAGED_S)
 }
 
-fn off_means(window: &[(i64, Bin, Bin)]) -> Vec<Pair> {
+/// Time of a bin, tracer and gas.
+type InWindow = (i64, Bin, Bin);
+
+fn off_means(window: &[InWindow]) -> Vec<Pair> {
     let n = window.len() as f64;
-    let mean = |of: fn(&(i64, Bin, Bin)) -> f64| window.iter().map(of).sum::<f64>() / n;
+    let mean = |of: fn(&InWindow) -> f64| window.iter().map(of).sum::<f64>() / n;
     let means = [mean(|w| w.1.mean()), mean(|w| w.2.mean())];
     let off = |ppm: [f64; 2]| [ppm[0] - means[0], ppm[1] - means[1]];
     window

@@ -1,16 +1,18 @@
 //! Emission rates from observations, as `flux.json` states them.
 
 use crate::TaskError;
+use air::geo::{Enu, Geodetic};
 use mission::Setup;
 use plume::Gas;
 use protocol::digest::sha256_hex;
 use protocol::message::Estimate;
+use scenario::Scenario;
 use scenario::observations::Observations;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use study::combine::{SiteMean, Visit, site_mean};
 use study::flux::{self, Conclusion, Fluxes, Method, Refusal, SourceFlux, Wind};
-use study::{Interval, Share, StudyError};
+use study::{Interval, Share, StudyError, Term};
 use ws::calibration::offline::{self, OfflineCalibration};
 
 mod sheet;
@@ -139,10 +141,7 @@ fn by_fit(
         });
         return Ok(());
     }
-    let scenario = &setup.scenario;
-    let found = offline::calibrate_in(scenario, &setup.classes, observations, None)
-        .map_err(TaskError::from)
-        .map(|found| emission(setup, observations, &found));
+    let found = fit(setup, observations);
     match found {
         Ok(Some(kg_s)) => {
             fluxes.refused.retain(|r| r.method != Method::Inversion);
@@ -155,6 +154,12 @@ fn by_fit(
     Ok(())
 }
 
+/// The rate by a fit of the whole model; none where the fit knows nothing of it.
+fn fit(setup: &Setup, observations: &Observations) -> Result<Option<Interval>, TaskError> {
+    let found = offline::calibrate_in(&setup.scenario, &setup.classes, observations, None)?;
+    Ok(emission(setup, observations, &found))
+}
+
 fn refuse_fit(fluxes: &mut Fluxes, reason: String) {
     fluxes.refused.push(Refusal {
         method: Method::Inversion,
@@ -165,13 +170,16 @@ fn refuse_fit(fluxes: &mut Fluxes, reason: String) {
 fn fitted(setup: &Setup, observations: &Observations, kg_s: Interval) -> SourceFlux {
     let scenario = &setup.scenario;
     let wind = logged_wind(observations);
+    let distance_m = distance_m(scenario, observations);
+    let terms = terms_of_fit(setup, observations, (kg_s, distance_m));
+    let ln_sd = terms.iter().map(|t| t.1).sum::<f64>().sqrt();
     SourceFlux {
         name: scenario.sources[0].name.clone(),
         gas: scenario.gas(),
         method: Method::Inversion,
-        kg_s: Some(kg_s),
+        kg_s: Some(Interval::of_ln_normal(kg_s.value, ln_sd)),
         upper_limit_kg_s: None,
-        budget: fit_budget(kg_s, speed_ln_sd(setup, observations)),
+        budget: study::budget(&terms),
         wind: Some(Wind {
             treatment: if wind.is_some() { "logged" } else { "scenario" },
             speed_m_s: wind.unwrap_or(scenario.weather.wind_speed_m_s),
@@ -179,26 +187,69 @@ fn fitted(setup: &Setup, observations: &Observations, kg_s: Interval) -> SourceF
             sd_deg: None,
         }),
         stability: None,
-        distance_m: 0.0,
+        distance_m,
         passes: Vec::new(),
         notes: vec!["fit of the whole model, as of plumage calibrate".to_owned()],
     }
 }
 
-/// The wind's share is known; the fit does not part the rest.
-fn fit_budget(kg_s: Interval, speed_ln_sd: f64) -> Vec<Share> {
+/// Variances of ln rate: those of the wind and of the source's position are known; the fit does not part the rest.
+fn terms_of_fit(
+    setup: &Setup,
+    observations: &Observations,
+    (kg_s, distance_m): (Interval, f64),
+) -> [(Term, f64); 3] {
     let all = kg_s.ln_sd().powi(2);
-    let speed = (speed_ln_sd.powi(2) / all).min(1.0);
-    vec![
-        Share {
-            term: study::Term::Dispersion,
-            share: 1.0 - speed,
-        },
-        Share {
-            term: study::Term::WindSpeed,
-            share: speed,
-        },
+    let speed = speed_ln_sd(setup, observations).powi(2).min(all);
+    let sd_m = setup.scenario.sources[0].position_sd_m;
+    let position = study::position::variance(sd_m, distance_m, &|displaced| {
+        let moved = displaced_source(setup, displaced);
+        // As far as the fit goes for a source that is displaced; else it changes in proportion to the distance.
+        match fit(&moved, observations) {
+            Ok(Some(there)) => there.value.ln(),
+            _ => f64::NAN,
+        }
+    });
+    let position = if position.is_finite() {
+        position
+    } else {
+        (sd_m / distance_m).powi(2)
+    };
+    [
+        (Term::Dispersion, all - speed),
+        (Term::WindSpeed, speed),
+        (Term::SourcePosition, position),
     ]
+}
+
+/// The scenario with its first source so many metres east and north.
+fn displaced_source(setup: &Setup, [east_m, north_m]: [f64; 2]) -> Setup {
+    let mut moved = setup.clone();
+    let Ok(frame) = setup.scenario.frame() else {
+        return moved;
+    };
+    let source = &mut moved.scenario.sources[0];
+    let at = frame.to_enu(Geodetic {
+        lat_deg: source.lat_deg,
+        lon_deg: source.lon_deg,
+    });
+    let there = frame.to_geodetic(Enu::new(at.east_m + east_m, at.north_m + north_m));
+    (source.lat_deg, source.lon_deg) = (there.lat_deg, there.lon_deg);
+    moved
+}
+
+/// Mean distance of the readings from the first source, m.
+fn distance_m(scenario: &Scenario, observations: &Observations) -> f64 {
+    let Ok(frame) = scenario.frame() else {
+        return 0.0;
+    };
+    let at = |lat_deg, lon_deg| frame.to_enu(Geodetic { lat_deg, lon_deg });
+    let source = at(scenario.sources[0].lat_deg, scenario.sources[0].lon_deg);
+    let read = observations.rows.iter().filter(|r| r.co2_ppm.is_some());
+    let distances: Vec<f64> = read
+        .map(|r| source.distance_m(at(r.lat_deg, r.lon_deg)))
+        .collect();
+    distances.iter().sum::<f64>() / distances.len() as f64
 }
 
 /// Mean speed of the logged winds, m/s.

@@ -63,20 +63,20 @@ struct EstimateArguments {
     /// that of the first source]
     #[arg(long, value_name = "GAS", help_heading = "Input")]
     gas: Option<Gas>,
-    /// Method: curtain (passes at several heights), point (one sensor at rest with a wind log), network (several sensors
-    /// at rest), inversion (tracks), or auto (every method whose conditions are met)
+    /// How to estimate the rate
     #[arg(
         long,
         value_name = "METHOD",
         default_value = "auto",
-        help_heading = "Input"
+        help_heading = "Method"
     )]
     method: MethodChoice,
-    /// Gas that is released beside the source at a known rate, kg/s, and read beside the other
-    #[arg(long, value_name = "NAME=KG_S", help_heading = "Input", value_parser = tracer_of)]
+    /// Gas that is released beside the source at a known rate, kg/s, and read beside the other: the ratio of both gives
+    /// another estimate
+    #[arg(long, value_name = "NAME=KG_S", help_heading = "Method", value_parser = tracer_of)]
     tracer: Option<(Gas, f64)>,
-    /// Sheet (TOML) with the names and numbers that the report states
-    #[arg(long, value_name = "FILE", help_heading = "Input")]
+    /// Sheet (TOML) with names and numbers that the report states
+    #[arg(long, value_name = "FILE", help_heading = "Report")]
     sheet: Option<PathBuf>,
     /// Folder for flux.json and report.html
     #[arg(long, value_name = "DIR", help_heading = "Outputs")]
@@ -89,15 +89,15 @@ struct EstimateArguments {
 /// Values of `--method`.
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum MethodChoice {
-    /// Every method whose conditions are met
+    /// Every method whose conditions are met, combined if they agree
     Auto,
-    /// Mass balance of passes at several heights
+    /// Mass balance of passes at three heights or more
     Curtain,
     /// One sensor at rest with a wind log
     Point,
-    /// Several sensors at rest
+    /// Several sensors at rest with a wind log
     Network,
-    /// Tracks: passes at one height, or the fit of the whole model
+    /// Passes across the plume by its σz, or the fit of the whole model
     Inversion,
 }
 

@@ -1,10 +1,10 @@
 //! The rate of a source by every method whose conditions the observations meet, and the conclusion from all.
 
 use crate::combine::agreement_p;
-use crate::tracks::{ALWAYS, Winds, samples, site};
+use crate::tracks::{ALWAYS, Winds, mean_height_agl_m, samples, site};
 use crate::{
     GAIN_LN_SD, Interval, LOGGED_SPEED_LN_SD, PassFlux, PlumeFlux, SCENARIO_SPEED_LN_SD, Share,
-    StudyError, Term, budget, network, point, transects,
+    StudyError, Term, budget, network, not_calm, point, transects,
 };
 use plume::Gas;
 use plume::curtain::{Curtain, Pass, RejectedPass, curtain, passes};
@@ -297,13 +297,15 @@ fn by_curtain(scenario: &Scenario, observations: &Observations) -> Result<Source
     let samples = samples(&frame, &checked);
     let winds = Winds::new((scenario, &spec), &frame, &checked);
     let wind = |height_agl_m: f64| winds.at(height_agl_m, ALWAYS).vector;
+    not_calm(winds.at(mean_height_agl_m(&samples), ALWAYS).speed_m_s)?;
     let (passes, rejected) = passes(&samples, &site(&spec), &wind);
     let Some(found) = curtain(&passes) else {
         return Err(StudyError::Refused(
             "no curtain: expected passes across the wind at three heights at least, at about one distance, with the plume between their ends".into(),
         ));
     };
-    let there = winds.at(spec.sources[0].effective_height_agl_m, ALWAYS);
+    let heights_agl_m = found.used.iter().map(|(pass, _)| pass.height_agl_m);
+    let there = winds.at(heights_agl_m.sum::<f64>() / found.used.len() as f64, ALWAYS);
     let speed_ln_sd = if there.is_logged {
         LOGGED_SPEED_LN_SD
     } else {

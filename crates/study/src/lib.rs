@@ -36,6 +36,9 @@ pub(crate) const LOGGED_SPEED_LN_SD: f64 = 0.05;
 pub(crate) const SCENARIO_SPEED_LN_SD: f64 = 0.15;
 /// Standard deviation of ln gain of the sensor, where the scenario states none.
 pub(crate) const GAIN_LN_SD: f64 = 0.02;
+/// A wind below this mean speed, m/s, carries no plume in one direction: the threshold of calms for dispersion models (US EPA
+/// 2000, EPA-454/R-99-005).
+const CALM_M_S: f64 = 0.5;
 /// Two-sided 95 % of a normal quantity.
 const SD_95: f64 = 1.959_964;
 
@@ -177,6 +180,16 @@ impl PassFlux {
             reason: Some(pass.reason.to_owned()),
         }
     }
+}
+
+/// Refuses a mean wind that carries no plume.
+pub(crate) fn not_calm(mean_speed_m_s: f64) -> Result<(), StudyError> {
+    if mean_speed_m_s < CALM_M_S {
+        return Err(StudyError::Refused(format!(
+            "the mean wind is {mean_speed_m_s:.2} m/s; expected {CALM_M_S} m/s or more"
+        )));
+    }
+    Ok(())
 }
 
 /// Why a method gives no rate.

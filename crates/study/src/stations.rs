@@ -1,6 +1,6 @@
 //! Sensors at rest: where they stand, what they read, and the wind that blew meanwhile.
 
-use crate::StudyError;
+use crate::{StudyError, not_calm};
 use air::geo::{Enu, Geodetic, LocalFrame, wrap_signed_deg};
 use plume::{DispersionSpec, Place};
 use scenario::observations::{ObservationRow, Observations};
@@ -97,6 +97,8 @@ pub(crate) fn stations(
             "{with_wind} of {read} readings have a wind; expected wind_speed_m_s and wind_from_deg beside the sensor"
         )));
     }
+    let speeds = out.iter().flat_map(|s| &s.readings).map(|r| r.speed_m_s);
+    not_calm(speeds.sum::<f64>() / with_wind as f64)?;
     Ok(out)
 }
 

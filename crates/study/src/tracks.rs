@@ -48,6 +48,11 @@ pub(crate) fn samples(frame: &LocalFrame, observations: &Observations) -> Vec<Sa
     samples
 }
 
+/// Mean height of readings above ground, m.
+pub(crate) fn mean_height_agl_m(samples: &[Sample]) -> f64 {
+    samples.iter().map(|s| s.place.height_agl_m).sum::<f64>() / samples.len() as f64
+}
+
 /// The wind at a height over a time.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct MeanWind {

@@ -9,12 +9,12 @@
 use crate::grid::{explained, interval, mean, normal_grid, variance, weighted_quantile};
 use crate::position;
 use crate::profile::DIRECTION_SD_DEG;
-use crate::tracks::{ALWAYS, MeanWind, Winds, samples, site};
+use crate::tracks::{ALWAYS, MeanWind, Winds, mean_height_agl_m, samples, site};
 use crate::vertical::{MeanPlume, Vertical};
 use crate::wander::{Crossing, Wander};
 use crate::{
     GAIN_LN_SD, LOGGED_SPEED_LN_SD, PassFlux, PlumeFlux, SCENARIO_SPEED_LN_SD, StudyError, Term,
-    budget,
+    budget, not_calm,
 };
 use air::geo::Enu;
 use air::wind::WindVector;
@@ -55,6 +55,12 @@ pub fn estimate(scenario: &Scenario, observations: &Observations) -> Result<Plum
         winds: Winds::new((scenario, &spec), &frame, &checked),
     };
     let samples = moving(&samples(&frame, &checked));
+    not_calm(
+        transects
+            .winds
+            .at(mean_height_agl_m(&samples), ALWAYS)
+            .speed_m_s,
+    )?;
     let wind = |height_agl_m: f64| transects.winds.at(height_agl_m, ALWAYS).vector;
     let (passes, rejected) = passes(&samples, &site(&spec), &wind);
     let is_met = passes.iter().any(|p| transects.is_met(p));

@@ -1,6 +1,6 @@
 //! One case: what the finder says of it, held against the truth.
 
-use gap::plume::{Options, Setup, analyse};
+use gap::plume::{Analysis, Labelled, Options, Setup, analyse};
 use gap::verdict::GapJson;
 use gap_truth::case::DamageKind;
 use gap_truth::{Case, CaseSpec, Forward, FurtherFlight, PlumeEffect, TrueEffect, further};
@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::made::{Made, make};
-use crate::plan::{Kind, Task};
+use crate::plan::{Generator, Kind, Task};
 
 /// What became of one case.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -27,6 +27,15 @@ pub struct Outcome {
     pub truth: Vec<Hidden>,
     /// What the finder said; none where it refused.
     pub said: Option<FinderReport>,
+    /// The causes of every set that was judged, in the order of judging.
+    #[serde(default)]
+    pub considered: Vec<Vec<Considered>>,
+    /// Passes by which they were judged.
+    #[serde(default)]
+    pub passes: usize,
+    /// Readings in use.
+    #[serde(default)]
+    pub readings: usize,
     /// Where the answer is ambiguous: the next flight.
     pub next_flight: Option<FlownOn>,
     /// Time that the finder took, s; 0 where nobody measured it.
@@ -99,8 +108,66 @@ pub struct ReportedCause {
     pub platforms: Vec<String>,
     /// Its probability.
     pub probability: Option<f64>,
+    /// Of a candidate: evidence over the base's, nats.
+    pub log_evidence: Option<f64>,
     /// Its parameters.
     pub parameters: Vec<ReportedParameter>,
+}
+
+/// A cause that the finder judged, whether it stated it or not, by which probabilities are calibrated.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Considered {
+    /// Its mechanisms, the likeliest first.
+    pub mechanisms: Vec<String>,
+    /// Platforms of its mechanisms; none where one acts on all.
+    pub platforms: Vec<Option<String>>,
+    /// Whether a hidden effect is among them, on its platform: one of those that data cannot tell from it counts.
+    pub is_true: bool,
+    /// Probability that one of them is at work.
+    pub probability: f64,
+    /// Gain of the log evidence, nats.
+    pub gain: f64,
+    /// Nats to the likeliest mechanism that is not among them.
+    pub nats_to_next: f64,
+    /// Gain on passes left out and its lower bound, nats.
+    pub left_out: (f64, f64),
+    /// Probability on the average over passes drawn anew.
+    pub drawn_again: f64,
+    /// Standard deviations by which it departs from doing nothing; none for a limit.
+    pub departs_sd: Option<f64>,
+    /// Factor by which the scatter from pass to pass widens it.
+    pub widening: f64,
+    /// Draws in which errors on passes left out are larger with it.
+    pub worse: [f64; 2],
+}
+
+impl Considered {
+    fn of(cause: &infer::Cause<Labelled>, truth: &[Hidden]) -> Self {
+        let holds = |(id, platform): &Labelled| {
+            truth.iter().any(|h| {
+                h.is_named_by(id)
+                    && match (platform, h.platforms.as_slice()) {
+                        (_, []) => true,
+                        (Some(own), [other]) => own == other,
+                        _ => false,
+                    }
+            })
+        };
+        let names = || cause.names.iter().map(|n| &n.0);
+        Self {
+            mechanisms: names().map(|n| n.0.clone()).collect(),
+            platforms: names().map(|n| n.1.clone()).collect(),
+            is_true: names().any(holds),
+            probability: cause.probability,
+            gain: cause.gain,
+            nats_to_next: cause.nats_to_next,
+            left_out: cause.left_out,
+            drawn_again: cause.drawn_again,
+            departs_sd: cause.departs_sd.is_finite().then_some(cause.departs_sd),
+            widening: cause.widening,
+            worse: cause.worse,
+        }
+    }
 }
 
 /// A fitted parameter.
@@ -161,6 +228,9 @@ impl Outcome {
             forward: None,
             truth: Vec::new(),
             said: None,
+            considered: Vec::new(),
+            passes: 0,
+            readings: 0,
             next_flight: None,
             seconds: 0.0,
         }
@@ -336,13 +406,20 @@ pub(crate) fn judge_made(
     let start_s = (judging.clock_s)();
     let found = find_with(options, &made.case.scenario_toml, &made.case.observations);
     outcome.seconds = (judging.clock_s)() - start_s;
-    let judged = found.and_then(|json| {
-        let as_text = serde_json::to_value(&json).map_err(|e| e.to_string())?;
+    let judged = found.and_then(|analysis| {
+        let as_text = serde_json::to_value(&analysis.json).map_err(|e| e.to_string())?;
+        let considered = analysis.considered;
+        let of = |cause| Considered::of(cause, &outcome.truth);
+        let sets = considered.sets.iter();
+        outcome.considered = sets.map(|set| set.iter().map(of).collect()).collect();
+        (outcome.passes, outcome.readings) = (considered.passes, considered.readings);
         Ok((FinderReport::of(&as_text)?, as_text))
     });
     match judged {
         Ok((said, json)) => {
-            if judging.fly_on && said.verdict == "ambiguous" {
+            // The second generator flies no further.
+            let may_fly_on = judging.fly_on && task.generator == Generator::Plume;
+            if may_fly_on && said.verdict == "ambiguous" {
                 outcome.next_flight = fly_on(task, made, &outcome.truth, &json);
             }
             outcome.said = Some(said);
@@ -379,17 +456,17 @@ pub fn find(seed: u64, scenario_toml: &str, files: &[(String, String)]) -> Resul
         seed,
         ..Options::default()
     };
-    find_with(&options, scenario_toml, files)
+    find_with(&options, scenario_toml, files).map(|a| a.json)
 }
 
 fn find_with(
     options: &Options,
     scenario_toml: &str,
     files: &[(String, String)],
-) -> Result<GapJson, String> {
+) -> Result<Analysis, String> {
     let (setup, observations) = read(scenario_toml, files)?;
     let analysis = analyse(&setup, &observations, options, &mut |_| {});
-    analysis.map(|a| a.json).map_err(|e| e.to_string())
+    analysis.map_err(|e| e.to_string())
 }
 
 /// What the next flight promises, and whether the matter is settled once it is flown: a cause
@@ -487,6 +564,43 @@ mod tests {
             one.said.unwrap().flaws,
             [("gap".to_owned(), "uav1".to_owned())]
         );
+    }
+
+    // By hand: a lag hidden on uav2 is not found on uav1, nor on all; where all have it, one is right.
+    #[test]
+    fn what_was_judged_is_true_on_its_platform() {
+        let judged = |id: &str, platform: Option<&str>| infer::Cause {
+            names: vec![((id.to_owned(), platform.map(str::to_owned)), 0.9)],
+            probability: 0.9,
+            gain: 5.0,
+            nats_to_next: 3.0,
+            left_out: (4.0, 1.0),
+            drawn_again: 0.8,
+            departs_sd: f64::INFINITY,
+            worse: [0.0; 2],
+            widening: 1.2,
+        };
+        let lag = |platforms: &[&str]| Hidden {
+            platforms: platforms.iter().map(|p| (*p).to_owned()).collect(),
+            ..hidden(PlumeEffect::SensorLag)
+        };
+        for (truth, platform, is_true) in [
+            (&["uav2"][..], Some("uav2"), true),
+            (&["uav2"], Some("uav1"), false),
+            (&["uav2"], None, false),
+            (&[], None, true),
+            (&[], Some("uav1"), true),
+        ] {
+            let one = Considered::of(&judged("sensor-lag", platform), &[lag(truth)]);
+            assert_eq!(
+                (one.is_true, one.departs_sd),
+                (is_true, None),
+                "{truth:?} {platform:?}"
+            );
+        }
+        let other = Considered::of(&judged("clock-offset", None), &[lag(&[])]);
+        assert!(!other.is_true);
+        assert!(!Considered::of(&judged("sensor-lag", None), &[]).is_true);
     }
 
     #[test]

@@ -19,11 +19,11 @@ mod summary;
 use on_threads::on_threads;
 
 pub use judge::{
-    FinderReport, FlownOn, Hidden, Judging, Outcome, ReportedCause, ReportedParameter, find, judge,
-    read,
+    Considered, FinderReport, FlownOn, Hidden, Judging, Outcome, ReportedCause, ReportedParameter,
+    find, judge, read,
 };
 pub use made::{Made, make};
-pub use plan::{Kind, Task, plan, share_of};
+pub use plan::{Generator, Kind, Task, plan, share_by, share_of};
 pub use rates::{Rate, clopper_pearson, reaches};
 pub use sensitivity::sensitivity;
 pub use summary::{Line, Summary};

@@ -2,11 +2,11 @@
 //! the generator knows ([`gap_truth::visibility`]).
 
 use gap_truth::mutation::{Mutation, mutate};
-use gap_truth::visibility;
 use gap_truth::{Case, CaseSpec, Truth};
+use gap_truth::{puffs, visibility};
 use plume::mechanism::{Coordinate, MechanismId};
 
-use crate::plan::{Kind, Task};
+use crate::plan::{Generator, Kind, Task};
 
 /// A case made for a task.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,7 +27,12 @@ const ABSURD_SD: f64 = 3.0;
 /// Makes the case of `task`; `None` where no scene tried shows an effect strongly enough.
 pub fn make(task: &Task) -> Option<Made> {
     let mut tried = (0..SCENES * SCENES).map(|scene| task.seed + scene * 1_000);
-    let mut made = if task.effects().is_empty() {
+    let mut made = if task.generator == Generator::Puffs {
+        tried
+            .by_ref()
+            .take(SCENES as usize)
+            .find_map(|seed| of_puffs(task, seed))
+    } else if task.effects().is_empty() {
         // Labels can only be swapped where a file has two.
         let two = task.kind == Kind::Mutated(Mutation::LabelsSwapped);
         tried
@@ -45,6 +50,18 @@ pub fn make(task: &Task) -> Option<Made> {
         }
     }
     Some(made)
+}
+
+fn of_puffs(task: &Task, seed: u64) -> Option<Made> {
+    let spec = task.spec(seed);
+    let (spec, nats) = if task.nats.is_empty() {
+        (spec, Vec::new())
+    } else {
+        let tuned = puffs::tuned(&spec, &task.nats)?;
+        (tuned.spec, tuned.nats)
+    };
+    let case = puffs::make(&spec);
+    (!absurd(&case.truth)).then_some(Made { spec, case, nats })
 }
 
 fn plain(spec: CaseSpec) -> Made {

@@ -50,6 +50,15 @@ struct Arguments {
         help_heading = "Cases"
     )]
     quick: Option<usize>,
+    /// What makes the plume cases of --quick
+    #[arg(
+        long,
+        value_enum,
+        default_value = "plume",
+        requires = "quick",
+        help_heading = "Cases"
+    )]
+    generator: gap_bench::Generator,
     /// Report how the results change when each policy number is halved and doubled, on the cases of --quick
     #[arg(long, requires = "quick")]
     sensitivity: bool,
@@ -168,7 +177,7 @@ fn with_provenance(page: &str) -> anyhow::Result<String> {
 fn of_plume(arguments: &Arguments) -> anyhow::Result<(String, Vec<Line>)> {
     let bar = progress_bar(0);
     let mut tasks = match arguments.quick {
-        Some(count) => gap_bench::share_of(count, arguments.first_seed),
+        Some(count) => gap_bench::share_by(count, arguments.first_seed, arguments.generator),
         None => gap_bench::plan(arguments.seeds, arguments.first_seed),
     };
     let rows: std::collections::BTreeSet<String> = tasks.iter().map(|t| t.row()).collect();

@@ -24,6 +24,16 @@ pub enum Kind {
     Mutated(Mutation),
 }
 
+/// What makes the cases.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+pub enum Generator {
+    /// A mean plume, or puffs in a common wind, with noise ([`gap_truth::Case::make`]).
+    #[default]
+    Plume,
+    /// Puffs that turbulence moves about ([`gap_truth::puffs`]).
+    Puffs,
+}
+
 /// One case to make and judge.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Task {
@@ -42,6 +52,9 @@ pub struct Task {
     pub tracks: TrackForm,
     /// Seed.
     pub seed: u64,
+    /// What makes it.
+    #[serde(default)]
+    pub generator: Generator,
 }
 
 /// Lower bounds of the classes of D, nats; the last class ends at [`HIGHEST_NATS`].
@@ -60,6 +73,24 @@ pub fn class(nats: f64) -> &'static str {
 }
 
 impl Task {
+    /// The same by the second generator; none where it has no such case.
+    pub fn of_puffs(&self) -> Option<Self> {
+        use NoiseForm as F;
+        let is_known = matches!(
+            self.kind,
+            Kind::Nothing | Kind::One(_) | Kind::Outside(_) | Kind::Several(_)
+        ) && matches!(self.noise, F::Usual | F::Intermittent | F::Meandering)
+            && self.tracks == TrackForm::Usual
+            && self.row_step_s == 1
+            && self.strengths.is_empty()
+            && self.effects().len() == self.nats.len()
+            && self.effects().into_iter().all(gap_truth::puffs::shows);
+        is_known.then(|| Self {
+            generator: Generator::Puffs,
+            ..self.clone()
+        })
+    }
+
     /// The row of the table that it belongs to.
     pub fn row(&self) -> String {
         let nats = self.nats.iter().copied().fold(f64::INFINITY, f64::min);
@@ -246,6 +277,7 @@ fn usual(kind: Kind) -> Task {
         row_step_s: 1,
         tracks: TrackForm::Usual,
         seed: 0,
+        generator: Generator::Plume,
     }
 }
 
@@ -400,11 +432,23 @@ fn group(task: &Task) -> (usize, usize) {
 
 /// `count` tasks of the plan from `first_seed` on, spread over all kinds of rows.
 pub fn share_of(count: usize, first_seed: u64) -> Vec<Task> {
+    share_by(count, first_seed, Generator::Plume)
+}
+
+/// The same of cases that `generator` makes.
+pub fn share_by(count: usize, first_seed: u64, generator: Generator) -> Vec<Task> {
     // Enough for any count: each group of rows gives one of each row before it gives a second.
-    let seeds = (count as u64 / 24).max(1);
+    let seeds = match generator {
+        Generator::Plume => (count as u64 / 24).max(1),
+        Generator::Puffs => (count as u64 / 12).max(1),
+    };
     let mut groups: Vec<Vec<Task>> = vec![Vec::new(); 5];
     let mut turns = [0; 5];
-    for task in plan(seeds, first_seed) {
+    let made = |task: Task| match generator {
+        Generator::Plume => Some(task),
+        Generator::Puffs => task.of_puffs(),
+    };
+    for task in plan(seeds, first_seed).into_iter().filter_map(made) {
         let (group, times) = group(&task);
         turns[group] = times;
         groups[group].push(task);
@@ -481,5 +525,26 @@ mod tests {
             let all = plan(100, 7_000_000);
             assert!(tasks.iter().all(|t| all.contains(t)));
         }
+    }
+
+    #[test]
+    fn the_second_generator_has_a_share_of_its_own() {
+        let tasks = share_by(200, 7_000_000, Generator::Puffs);
+        assert_eq!(tasks.len(), 200);
+        for group_index in 0..4 {
+            assert!(
+                tasks.iter().any(|t| group(t).0 == group_index),
+                "{group_index}"
+            );
+        }
+        for noise in [
+            NoiseForm::Usual,
+            NoiseForm::Intermittent,
+            NoiseForm::Meandering,
+        ] {
+            let is_such = |t: &Task| t.kind == Kind::Nothing && t.noise == noise;
+            assert!(tasks.iter().any(is_such), "{noise:?}");
+        }
+        assert!(tasks.iter().all(|t| t.generator == Generator::Puffs));
     }
 }

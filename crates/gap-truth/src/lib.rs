@@ -6,6 +6,9 @@
 //! wind (`physics`); spread, geometry and air are this crate's own (`law`, `scene`), and
 //! a test keeps its dependency tree free of the crates that are put to the test.
 //!
+//! A second generator ([`puffs`]) has other physics, other tracks and other sensors, so that what is learned on one can
+//! be tested on the other.
+//!
 //! How visible an effect is follows from the noise that made the case ([`visibility`]): D, in nats.
 //!
 //! ```
@@ -28,6 +31,7 @@ mod law;
 mod linear;
 pub mod mutation;
 mod physics;
+pub mod puffs;
 mod random;
 mod scene;
 mod strength;

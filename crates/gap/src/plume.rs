@@ -115,6 +115,22 @@ pub struct Analysis {
     pub report: GapReport,
     /// From where an analysis of more of the same readings may go on; none where there was no fit.
     pub begun: Option<Begun>,
+    /// What was judged, whether it stands or not.
+    pub considered: Considered,
+}
+
+/// A mechanism, and its platform where it acts on one alone.
+pub type Labelled = (String, Option<String>);
+
+/// The sets that were judged, by which the probability of a cause is calibrated.
+#[derive(Debug, Clone, Default)]
+pub struct Considered {
+    /// The causes of each set, in the order of judging.
+    pub sets: Vec<Vec<infer::Cause<Labelled>>>,
+    /// Passes by which they were judged.
+    pub passes: usize,
+    /// Readings in use.
+    pub readings: usize,
 }
 
 /// Where an analysis came to: the wind that carried the plume, the fit of the base, and what was named beside it.

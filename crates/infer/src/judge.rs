@@ -43,6 +43,25 @@ pub struct Cause<T> {
     /// Part of the draws in which root mean square error and normalised mean square error on passes left
     /// out are worse with it than without; zero where it does not stand anyway.
     pub worse: [f64; 2],
+    /// Factor by which the scatter from pass to pass widens its uncertainty, 1 or more.
+    pub widening: f64,
+}
+
+impl<T> Cause<T> {
+    /// The same with other names.
+    pub fn named_by<U>(&self, label: impl Fn(&T) -> U) -> Cause<U> {
+        Cause {
+            names: self.names.iter().map(|(n, p)| (label(n), *p)).collect(),
+            probability: self.probability,
+            gain: self.gain,
+            nats_to_next: self.nats_to_next,
+            left_out: self.left_out,
+            drawn_again: self.drawn_again,
+            departs_sd: self.departs_sd,
+            worse: self.worse,
+            widening: self.widening,
+        }
+    }
 }
 
 impl<T> Cause<T> {
@@ -91,6 +110,8 @@ pub struct Judgement<M: Catalogue> {
     pub candidates: Vec<(Found<M>, f64)>,
     /// The passes by which it was judged.
     pub passes: Vec<Vec<Range<usize>>>,
+    /// The causes of every set that was judged, in the order of judging.
+    pub considered: Vec<Vec<Cause<M::Tried>>>,
 }
 
 impl Question<'_> {
@@ -127,7 +148,8 @@ impl Question<'_> {
                 times
             })
             .collect();
-        let (set, causes, dropped) = self.standing(found, &passes, &draws)?;
+        let mut considered = Vec::new();
+        let (set, causes, dropped) = self.standing(found, &passes, &draws, &mut considered)?;
         let speaks_for = |cause: &Cause<M::Tried>| {
             cause.gain > self.policy.rest_alone_nats || cause.strength() > self.policy.drawn_again
         };
@@ -147,6 +169,7 @@ impl Question<'_> {
             rest,
             candidates,
             passes,
+            considered,
         })
     }
 
@@ -158,6 +181,7 @@ impl Question<'_> {
         found: &[Found<M>],
         passes: &[Vec<Range<usize>>],
         draws: &[Vec<f64>],
+        considered: &mut Vec<Vec<Cause<M::Tried>>>,
     ) -> Result<(Found<M>, Vec<Cause<M::Tried>>, Vec<Cause<M::Tried>>), InferError> {
         let mut dropped: Vec<Cause<M::Tried>> = Vec::new();
         let mut set = found[0].clone();
@@ -165,6 +189,7 @@ impl Question<'_> {
         let mut next = found.iter().take(SETS_JUDGED).skip(1);
         loop {
             causes = self.causes(found, &set, passes, draws)?;
+            considered.push(causes.clone());
             let weakest = (0..causes.len())
                 .filter(|&k| !self.stands(&causes[k]))
                 .min_by(|a, b| causes[*a].strength().total_cmp(&causes[*b].strength()));
@@ -374,6 +399,7 @@ impl Question<'_> {
             drawn_again,
             departs_sd,
             worse: [0.0; 2],
+            widening,
         };
         if self.stands(&cause) {
             let [before, after] = self.compared(without, set, passes)?;

@@ -15,8 +15,8 @@ use super::model::{PlumeModel, Unknown, fitted};
 use super::own::HELD;
 use super::report::{GapReport, report};
 use super::{
-    Analysis, Begun, FEWEST_READINGS, FOLLOWED, ONE_DIRECTION_DEG, Options, Study, gate, residual,
-    wind,
+    Analysis, Begun, Considered, FEWEST_READINGS, FOLLOWED, Labelled, ONE_DIRECTION_DEG, Options,
+    Study, gate, residual, wind,
 };
 use crate::verdict::{
     BaseParameter, Candidate, Cause, Contact, DataQuality, Detectable, Discrepancy, Evidence,
@@ -125,7 +125,19 @@ pub(crate) fn stated(
                 .then(|| (judged.set.names.clone(), judged.set.fit().clone())),
             zero_s: 0.0,
         }),
+        considered: considered(study),
     })
+}
+
+/// The sets that were judged, by the names of files.
+fn considered(study: &Study<'_>) -> Considered {
+    let labelled = |c: &Named<Tried>| c.named_by(|t| label(study, t));
+    let sets = study.judged.considered.iter();
+    Considered {
+        sets: sets.map(|set| set.iter().map(labelled).collect()).collect(),
+        passes: study.judged.passes.len(),
+        readings: study.data.used_count(),
+    }
 }
 
 /// Whether the readings follow the plume well enough that a name means something: they do, or lie in
@@ -137,7 +149,7 @@ pub(crate) fn follows(study: &Study<'_>) -> bool {
     contact.is_none_or(|c| c.share >= FOLLOWED || (turned && c.turn_deg.sd < ONE_DIRECTION_DEG))
 }
 
-fn label(study: &Study<'_>, tried: &Tried) -> (String, Option<String>) {
+fn label(study: &Study<'_>, tried: &Tried) -> Labelled {
     let platform = tried
         .part
         .platform
@@ -679,6 +691,7 @@ pub(crate) fn nothing_to_tell(
         logged_wind: None,
         report: GapReport::default(),
         begun: None,
+        considered: Considered::default(),
     }
 }
 

@@ -12,7 +12,8 @@ use super::gain::gain;
 use super::records::Records;
 use super::wind;
 use super::{
-    Analysis, FEWEST_READINGS, Options, Progress, Study, answer, gate, report, residual, zero,
+    Analysis, Considered, FEWEST_READINGS, Options, Progress, Study, answer, gate, report,
+    residual, zero,
 };
 use crate::GapError;
 use crate::applied::{Applied, Earlier, Outcome, scores_in_words};
@@ -84,6 +85,7 @@ pub fn apply(
             },
             candidates: Vec::new(),
             passes: question.passes(&base)?,
+            considered: Vec::new(),
         },
         base,
         carried,
@@ -126,6 +128,7 @@ pub fn apply(
         logged_wind: None,
         report: report::report(&study, Some(&gained)),
         begun: None,
+        considered: Considered::default(),
         json,
     };
     zero::told_from(&mut analysis, zero_s);

@@ -12,14 +12,14 @@ const CLIMB_M_S: f64 = 3.0;
 /// Lowest flight, m above ground.
 const LOWEST_M: f64 = 8.0;
 
-/// One to four sensors between two distances, each on a way of its own; never only such as stand.
+/// One to three sensors between two distances, each on a way of its own; never only such as stand.
 pub(super) fn team(
     world: &World,
     near_m: f64,
     far_m: f64,
     rng: &mut ChaCha8Rng,
 ) -> Vec<Vec<[f64; 3]>> {
-    let count = rng.random_range(1..=4);
+    let count = rng.random_range(1..=3);
     let of = |k: usize| {
         let x_m = between(rng, near_m, far_m);
         let (y_m, z_m) = world.spread_m(x_m);

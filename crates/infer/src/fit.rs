@@ -103,6 +103,8 @@ pub struct Fit {
     pub inflation: Vec<f64>,
     loadings: Loadings,
     fluctuation: Fluctuation,
+    /// The model near the point; none where the point is another's.
+    tangent: Option<Arc<Tangent>>,
     /// What each row reads beyond what is expected; zero where it is not used.
     pub misfit: Vec<f64>,
     /// The same as the noise explains it: linear in every part of it. Whitened it is a sum of squares.
@@ -124,17 +126,22 @@ struct Linearised {
     /// Products of the columns of unknowns, weights that may differ from zero, and misfit.
     products: Products,
     columns: usize,
-    /// The values of the bumps of the error of form that may have weights, row after row.
-    bumps: Vec<f64>,
-    misfit: Vec<f64>,
+    local: Local,
     /// Minus the density of the point, nats, up to a constant.
     cost: f64,
 }
 
-/// A model near a point, row by row.
-struct Local {
+/// A model near a point, row by row, under a fluctuation: dear to compute, and the same for every noise and size.
+#[derive(Debug)]
+pub(crate) struct Tangent {
+    here: Prediction,
     /// What each unknown changes at every row.
     slopes: Vec<Vec<f64>>,
+}
+
+/// A model near a point with what the weights change, row by row.
+struct Local {
+    tangent: Arc<Tangent>,
     /// What a change of the error of form's exponent changes at every row.
     per_form: Vec<f64>,
     /// The values of the bumps of the error of form that may have weights, row after row.
@@ -323,6 +330,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
                     .turn_since_deg(self.rows.time_s()[row], under_way_s, &fit.point.weights);
         }
         let mut out = fit.clone();
+        out.tangent = None;
         out.basis = fit.basis.with_swing_of(&self.turning.swing);
         out.point.weights.truncate(fit.basis.of_form());
         out.point.weights.extend(self.smoothed(&turns));
@@ -395,7 +403,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
                 *weight = 0.0;
             }
         }
-        self.settle(point, &shape, noise, vec![1.0; self.rows.len()])
+        self.settle(point, &shape, noise, vec![1.0; self.rows.len()], None)
     }
 
     /// The same point under the noise that it makes most probable, settled again.
@@ -447,7 +455,9 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         let ln = within(&Noise::from_ln(ln)).ln();
         let (point, inflation) = (fit.point.clone(), fit.inflation.clone());
         let shape = self.shape(&fit.basis, fit.sizes);
-        self.settle(point, &shape, Noise::from_ln(ln), inflation)
+        let is_normal = self.fluctuation == FluctuationLaw::Normal;
+        let tangent = fit.tangent.as_ref().filter(|_| is_normal);
+        self.settle(point, &shape, Noise::from_ln(ln), inflation, tangent)
     }
 
     /// Density of the noise beside the misfit of a fit, nats, up to a constant.
@@ -478,16 +488,21 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         shape: &Shape<'_>,
         noise: Noise,
         inflation: Vec<f64>,
+        tangent: Option<&Arc<Tangent>>,
     ) -> Result<Fit, InferError> {
         let (mut point, mut metric, mut here) =
-            self.settle_normal(start, shape, &noise, &inflation)?;
+            self.settle_normal(start, shape, &noise, (&inflation, tangent))?;
         // A normal fluctuation is linear as it is.
-        let mut misfit = here.misfit.clone();
+        let mut misfit = here.local.misfit.clone();
         if self.fluctuation == FluctuationLaw::LogNormal {
             (point, metric) = self.settle_log_normal(point, shape, &noise, &metric.inflation)?;
             here = self.linearised(&point, shape, &metric)?;
             let there = self.model.predict(&point.at, &self.turns(&point))?;
-            let mean = shape.growth(&here.bumps, &point, &Fluctuation::none(self.rows.len()));
+            let mean = shape.growth(
+                &here.local.bumps,
+                &point,
+                &Fluctuation::none(self.rows.len()),
+            );
             misfit = self.misfit(&there, &mean);
         }
         Ok(Fit {
@@ -499,7 +514,8 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
             inflation: metric.inflation,
             loadings: metric.loadings,
             fluctuation: metric.fluctuation,
-            linear_misfit: here.misfit,
+            tangent: Some(here.local.tangent),
+            linear_misfit: here.local.misfit,
         })
     }
 
@@ -509,7 +525,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         start: Point,
         shape: &Shape<'_>,
         noise: &Noise,
-        inflation: &[f64],
+        (inflation, tangent): (&[f64], Option<&Arc<Tangent>>),
     ) -> Result<(Point, Metric, Linearised), InferError> {
         let mut point = start;
         let metric_at = |point: &Point, inflation: &[f64]| -> Result<Metric, InferError> {
@@ -519,14 +535,21 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         let mut metric = metric_at(&point, inflation)?;
         let mut density = f64::NEG_INFINITY;
         let mut left = self.policy.most_steps;
-        let mut here = self.linearised(&point, shape, &metric)?;
+        let local = self.local(
+            &point,
+            (shape.basis, &shape.active),
+            &metric.fluctuation,
+            tangent,
+        )?;
+        let mut here = self.linearised_by(local, &point, shape, &metric);
         while left > 0 {
             let used;
             (point, here, used) = self.steps(point, here, shape, &metric, left)?;
             left -= used.min(left);
             let spikes = self.spikes(&point, &here, &metric)?;
             metric = metric_at(&point, &spikes)?;
-            here = self.linearised(&point, shape, &metric)?;
+            // The model near the point does not depend on the metric of a plume that does not fluctuate.
+            here = self.linearised_by(here.local, &point, shape, &metric);
             let reached = here.products.ln_normalisation - here.cost;
             let settled = (reached - density).abs() < self.policy.settled_nats;
             density = reached;
@@ -583,8 +606,8 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         for _ in 0..self.policy.most_steps {
             let here = self.linearised(&point, shape, &metric)?;
             let next = self.step(&point, shape, &here, |next| {
-                let followed = self.following(&metric, next, shape, &here.bumps)?;
-                let misfit = self.misfit_under(&followed, next, shape, &here.bumps)?;
+                let followed = self.following(&metric, next, shape, &here.local.bumps)?;
+                let misfit = self.misfit_under(&followed, next, shape, &here.local.bumps)?;
                 Some((self.cost(misfit, &followed, next, shape)?, followed))
             });
             let Some((next, cost, followed)) = next else {
@@ -635,7 +658,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
     ) -> Result<(Point, Linearised, usize), InferError> {
         for k in 0..most_steps {
             let next = self.step(&point, shape, &here, |next| {
-                let misfit = self.misfit_under(metric, next, shape, &here.bumps)?;
+                let misfit = self.misfit_under(metric, next, shape, &here.local.bumps)?;
                 Some((self.cost(misfit, metric, next, shape)?, ()))
             });
             let Some((next, _, ())) = next else {
@@ -777,11 +800,15 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
     /// What error of form and fluctuation make of the plume at every row of a fit.
     pub(crate) fn factors(&self, fit: &Fit) -> Result<Vec<f64>, InferError> {
         let active = fit.basis.weighted(&fit.point.weights);
-        let plume = self
-            .model
-            .predict(&fit.point.at, &self.turns(&fit.point))?
-            .plume;
-        let bumps = self.bumps(&fit.point, &fit.basis, &active, &plume)?;
+        let predicted;
+        let plume = match &fit.tangent {
+            Some(tangent) => &tangent.here.plume,
+            None => {
+                predicted = self.model.predict(&fit.point.at, &self.turns(&fit.point))?;
+                &predicted.plume
+            }
+        };
+        let bumps = self.bumps(&fit.point, &fit.basis, &active, plume)?;
         let growth = growth_of(&bumps, &active, &fit.point, &fit.fluctuation);
         Ok(growth.iter().map(|g| g.factor).collect())
     }
@@ -908,9 +935,20 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         shape: &Shape<'_>,
         metric: &Metric,
     ) -> Result<Linearised, InferError> {
+        let basis = (shape.basis, &shape.active);
+        let local = self.local(point, basis, &metric.fluctuation, None)?;
+        Ok(self.linearised_by(local, point, shape, metric))
+    }
+
+    /// The same by the model near the point.
+    fn linearised_by(
+        &self,
+        local: Local,
+        point: &Point,
+        shape: &Shape<'_>,
+        metric: &Metric,
+    ) -> Linearised {
         let columns = shape.precision.len() + 1;
-        let fluctuation = &metric.fluctuation;
-        let local = self.local(point, shape.basis, &shape.active, fluctuation)?;
         let unknowns = self.unknowns();
         let weights: Vec<usize> = (unknowns..columns - 1).collect();
         let places = Places {
@@ -928,13 +966,12 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         let mut products = Products::of(&steady, columns, 0.0);
         by_block.iter().for_each(|p| products.add(p, 1.0));
         let misfit_sq = products.values[columns * columns - 1];
-        Ok(Linearised {
+        Linearised {
             cost: 0.5 * misfit_sq + self.prior_cost(point, shape),
             products,
             columns,
-            bumps: local.bumps,
-            misfit: local.misfit,
-        })
+            local,
+        }
     }
 
     /// Products of columns that `fill` gives row by row, whitened, for each of `blocks`, which hold every row
@@ -975,28 +1012,37 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         out
     }
 
-    /// The model near a point.
+    /// The model near a point, whose `tangent` may be known.
     fn local(
         &self,
         point: &Point,
-        basis: &Basis,
-        active: &Active,
+        (basis, active): (&Basis, &Active),
         fluctuation: &Fluctuation,
+        tangent: Option<&Arc<Tangent>>,
     ) -> Result<Local, InferError> {
         let turns = self.turns(point);
-        let here = self.model.predict(&point.at, &turns)?;
+        let predicted;
+        let here = match tangent {
+            Some(tangent) => &tangent.here,
+            None => {
+                predicted = self.model.predict(&point.at, &turns)?;
+                &predicted
+            }
+        };
         let bumps = self.bumps(point, basis, active, &here.plume)?;
         let growth = growth_of(&bumps, active, point, fluctuation);
-        let slopes = slopes(self.model, &point.at, &turns, &here, |i| growth[i].factor)?;
+        let tangent = match tangent {
+            Some(tangent) => Arc::clone(tangent),
+            None => Arc::new(Tangent {
+                slopes: slopes(self.model, &point.at, &turns, here, |i| growth[i].factor)?,
+                here: here.clone(),
+            }),
+        };
+        let grown = tangent.here.plume.iter().zip(&growth);
         Ok(Local {
-            slopes,
-            misfit: self.linear_misfit(&here, &growth, fluctuation),
-            per_form: here
-                .plume
-                .iter()
-                .zip(&growth)
-                .map(|(p, g)| p * g.slope)
-                .collect(),
+            misfit: self.linear_misfit(&tangent.here, &growth, fluctuation),
+            per_form: grown.map(|(p, g)| p * g.slope).collect(),
+            tangent,
             bumps,
         })
     }
@@ -1012,7 +1058,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         i: usize,
         row: &mut [f64],
     ) {
-        for (k, slope) in local.slopes.iter().enumerate() {
+        for (k, slope) in local.tangent.slopes.iter().enumerate() {
             row[places.unknowns + k] = slope[i];
         }
         let (form, swing) = places.weights.split_at(of_form);
@@ -1063,7 +1109,8 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         let coordinates: Vec<usize> = fit.basis.coordinates().collect();
         let layout = Layout::new(&coordinates, self.unknowns(), tried.len());
         let all = Active::all(&fit.basis);
-        let local = self.local(&fit.point, &fit.basis, &all, &fit.fluctuation)?;
+        let tangent = fit.tangent.as_ref();
+        let local = self.local(&fit.point, (&fit.basis, &all), &fit.fluctuation, tangent)?;
         let whitener = Whitener::new(self.rows, &fit.noise, &fit.loadings, &fit.inflation);
         let places = Places {
             unknowns: layout.unknowns,
@@ -1107,7 +1154,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         here: &Linearised,
         metric: &Metric,
     ) -> Result<Vec<f64>, InferError> {
-        let mut whitened = here.misfit.clone();
+        let mut whitened = here.local.misfit.clone();
         metric.whitener.whiten(self.rows, &mut whitened, 1);
         // Variance of a row's innovation without what a spike has added to it, and of its own white noise:
         // a spike that is allowed for must not look like none.
@@ -1134,7 +1181,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
                 // What follows a spike that was not allowed for may be far off as well: as much of it as
                 // is a spike by itself.
                 let spike = (first + 1..=i).rev().map(|end| first..end).find(|spike| {
-                    stands_out(&here.misfit, range.clone(), spike.clone())
+                    stands_out(&here.local.misfit, range.clone(), spike.clone())
                         && self.is_short(&places, range.clone(), spike.start, spike.end)
                 });
                 for k in spike.into_iter().flatten() {

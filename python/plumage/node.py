@@ -144,7 +144,7 @@ class Node:
         now_ns = time.monotonic_ns() - self._begun_ns
         key, (payload, seal) = self._speaker.say(topic, json.dumps(dict(message)), now_ns)
         vehicle = topic.rsplit("/", 1)[0]
-        while not self._is_there(vehicle):
+        while not self._is_there(self._speaker, vehicle, end):
             if time.monotonic() > end:
                 raise TimeoutError(f"{vehicle} did not join the bus within {timeout_s} s")
             time.sleep(_AGAIN_S)
@@ -208,8 +208,22 @@ class Node:
             "PLUMAGE_MISSION_KEY) and runs in real time, since commands need real time, not lockstep"
         )
 
-    def _is_there(self, agent: str) -> bool:
-        return any(reply.ok for reply in self._session.liveliness().get(f"plumage/{self.mission}/{agent}/alive"))
+    def _is_there(self, speaker: _plumage.Speaker, agent: str, end: float) -> bool:
+        """Call an agent: anybody can show its token, and only a holder of the mission key can answer a new question."""
+        key, question = speaker.call(agent)
+        replies = self._session.get(
+            key,
+            payload=question,
+            target=zenoh.QueryTarget.ALL,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            timeout=max(_AGAIN_S, end - time.monotonic()),
+        )
+        for reply in replies:
+            if reply.ok is None or reply.ok.attachment is None:
+                continue
+            if speaker.is_there(agent, question, reply.ok.payload.to_bytes(), reply.ok.attachment.to_bytes()):
+                return True
+        return False
 
     def _decoded(self, sample: zenoh.Sample) -> tuple[str, dict[str, Any]]:
         as_json = sample.encoding in (zenoh.Encoding.APPLICATION_JSON, zenoh.Encoding.TEXT_JSON)

@@ -3,7 +3,7 @@
 use crate::convert;
 use crate::error::{self, RunError};
 use protocol::digest::hex;
-use protocol::joining::{Answer, Question, time_key};
+use protocol::joining::{Answer, Question, RollEntry, time_key};
 use protocol::key::Name;
 use protocol::seal::{MissionKey, Sealer};
 use protocol::{AgentId, Envelope, SimTime, Topic, WIRE_VERSION};
@@ -39,6 +39,11 @@ pub(crate) fn decode<'py>(
     };
     let envelope = envelope.map_err(|e| error::input(&e))?;
     Ok((topic.path(), convert::json(py, &envelope.to_json())?))
+}
+
+/// The path on which an agent answers the call of the roll.
+fn call_path(agent: &str) -> String {
+    format!("{agent}/call")
 }
 
 /// Bytes of a payload and of its code or seal.
@@ -107,6 +112,25 @@ impl Speaker {
         }
         self.run = Some(answer.run);
         Ok(Some(answer.now_ns))
+    }
+
+    /// The key on which an agent is called, and a new question for it.
+    fn call<'py>(&self, py: Python<'py>, agent: &str) -> PyResult<(String, Bound<'py, PyBytes>)> {
+        let question: [u8; 16] = mission_key::random().map_err(error::of_task)?;
+        let key = format!("plumage/{}/{}", self.mission, call_path(agent));
+        Ok((key, PyBytes::new(py, &question)))
+    }
+
+    /// Whether an answer to such a question shows that the agent flies in the run of this node.
+    fn is_there(&self, agent: &str, question: &[u8], payload: &[u8], code: &[u8]) -> bool {
+        // The code covers the path as well: an answer of one is not to be passed off as another's.
+        let question = [question, call_path(agent).as_bytes()].concat();
+        let is_answer = self.key.is_answer(&question, payload, code);
+        let entry = is_answer.then(|| serde_json::from_slice::<RollEntry>(payload).ok());
+        entry.flatten().is_some_and(|entry| {
+            let run = entry.run.map(|run| run.number);
+            entry.agent == agent && !entry.ended && run.is_some() && run == self.run
+        })
     }
 
     /// Key, payload and seal of a message, given as JSON, that the operator says on a topic.

@@ -91,6 +91,20 @@ def test_only_what_an_operator_says_is_said(mission):
             node.control("17", "home", timeout_s=1.0)
 
 
+def test_who_shows_a_token_of_a_vehicle_is_not_taken_for_it(mission):
+    with Node("as-pontes", connect=mission) as node, Node("as-pontes", connect=mission) as stranger:
+        token = stranger._session.liveliness().declare_token("plumage/as-pontes/va/17/alive")
+        # Also who answers the call, without the mission key.
+        answers = stranger._session.declare_queryable(
+            "plumage/as-pontes/va/17/call",
+            lambda query: query.reply("plumage/as-pontes/va/17/call", b"{}", attachment=bytes(32)),
+        )
+        with pytest.raises(TimeoutError, match="va/17 did not join the bus"):
+            node.control("17", "home", timeout_s=3.0)
+        answers.undeclare()
+        token.undeclare()
+
+
 def test_another_host_needs_a_key_that_is_given(monkeypatch):
     monkeypatch.delenv("PLUMAGE_MISSION_KEY", raising=False)
     with pytest.raises(plumage.InputError, match="is not on this host"):

@@ -6,6 +6,7 @@ Make the outcomes with both generators, then fit (needs numpy):
     gap-bench --quick 2400 --first-seed 50000000 --generator puffs --outcomes puffs.jsonl
     python fit_probability.py plume.jsonl puffs.jsonl
 
+Coefficients for the finder need about 3,000 cases: with fewer the bin above .95 holds too few to be told from .9.
 One row per cause of every set that the finder judged. The map is a logistic regression with a ridge penalty, which
 cross-validation by case chooses. Every figure is of cases that the fit has not seen: other folds of the same
 generator's cases, or the other generator's.
@@ -76,6 +77,8 @@ def table(cases):
         for causes in case["considered"]
         for cause in causes
     ]
+    if not rows:
+        raise SystemExit("no cause was judged in these outcomes; expected some hundred cases")
     x, y, of = (np.array(column, float) for column in zip(*rows))
     return x, y, of.astype(int)
 
@@ -138,15 +141,16 @@ def reliability(what, p, y):
         own = (p >= low) & (p < high)
         if own.any():
             n = own.sum()
-            print(f"    [{low:.2f}, {min(high, 1.0):.2f}): stated {p[own].mean():.3f}, true {y[own].mean():.3f} ({int(y[own].sum())}/{n})")
+            stated, true = p[own].mean(), y[own].mean()
+            hits = int(y[own].sum())
+            print(f"    [{low:.2f}, {min(high, 1.0):.2f}): stated {stated:.3f}, true {true:.3f} ({hits}/{n})")
 
 
 def standing(case, probabilities):
-    """The first set judged all of whose causes reach STATED, with their probabilities."""
+    """The first set judged all of whose causes reach STATED, with their probabilities; the base has none."""
     for causes in case["considered"]:
         own = [next(probabilities) for _ in causes]
         if all(p >= STATED for p in own):
-            # The iterator is of this case alone.
             return list(zip(causes, own))
     return []
 

@@ -310,6 +310,23 @@ impl UnexplainedKind {
     }
 }
 
+impl UnexplainedKind {
+    /// What to do about it.
+    pub fn next_step(self) -> &'static str {
+        match self {
+            Self::Fluctuation => {
+                "fly more passes, and learn the sensor's noise from five minutes of clean air (calibrate --learn-noise)"
+            }
+            Self::AxisMotion => "log the wind near the source, at the height of the plume",
+            Self::Discrepancy => "fly passes at other distances and heights",
+            Self::FailedCheck => "repeat the passes: the mechanism stands if it predicts them",
+            Self::NoContact => {
+                "check the source's position, the wind direction and the clock of the log"
+            }
+        }
+    }
+}
+
 impl From<infer::RestKind> for UnexplainedKind {
     fn from(kind: infer::RestKind) -> Self {
         match kind {

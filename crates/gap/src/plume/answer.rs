@@ -747,14 +747,17 @@ fn summary(
             } else {
                 format!(" Possible causes: {}.", may.join(", or "))
             };
+            let next = unexplained.map_or(String::new(), |u| {
+                format!(" Next step: {}.", u.kind.next_step())
+            });
             if named.is_empty() {
                 format!(
-                    "The data deviate from the model, and no listed mechanism accounts for it: {term}.{may}"
+                    "The data deviate from the model, and no listed mechanism accounts for it: {term}.{may}{next}"
                 )
             } else {
                 format!(
                     "The data show {named}. No listed mechanism accounts for the remaining deviation: \
-                         {term}.{may}{gained}"
+                         {term}.{may}{gained}{next}"
                 )
             }
         }

@@ -40,6 +40,8 @@ const END_PART: f64 = 0.1;
 const LEAST_AT_END: usize = 3;
 /// The ends of a pass may differ by this part of its highest excess: more, and one of them is in the plume.
 const ENDS_DIFFER: f64 = 0.25;
+/// Or by so many standard errors of the noise: 95 % of a normal distribution.
+const ENDS_DIFFER_SD: f64 = 2.0;
 /// A pass must cover the plume's bearing from the source and so many standard deviations to both sides: 95 %
 /// of a normal distribution.
 const COVERED_SD: f64 = 2.0;
@@ -165,19 +167,21 @@ pub fn mass_balance(
     site: &Site,
     wind: &dyn Fn(f64) -> WindVector,
 ) -> Option<CurtainFlux> {
-    let (passes, _) = passes(samples, site, wind);
+    let (passes, _) = passes(samples, site, 0.0, wind);
     Some(curtain(&passes)?.flux)
 }
 
-/// All ways across the wind among `samples`, as of [`mass_balance`]: passes, and what is none.
+/// All ways across the wind among `samples`, as of [`mass_balance`]: passes, and what is none. Readings in clean air have a
+/// noise of `noise_sd_ppm`.
 pub fn passes(
     samples: &[Sample],
     site: &Site,
+    noise_sd_ppm: f64,
     wind: &dyn Fn(f64) -> WindVector,
 ) -> (Vec<Pass>, Vec<RejectedPass>) {
     let (mut passes, mut rejected) = (Vec::new(), Vec::new());
     for stretch in stretches(samples, wind) {
-        match Pass::of(stretch, site, wind) {
+        match Pass::of(stretch, site, noise_sd_ppm, wind) {
             Ok(pass) => passes.push(pass),
             Err(reason) if stretch.len() >= LEAST_AT_END => rejected.push(RejectedPass {
                 time_s: [stretch[0].time_s, stretch[stretch.len() - 1].time_s],
@@ -276,6 +280,7 @@ impl Pass {
     fn of(
         samples: &[Sample],
         site: &Site,
+        noise_sd_ppm: f64,
         wind: &dyn Fn(f64) -> WindVector,
     ) -> Result<Self, &'static str> {
         let at_end = ((END_PART * samples.len() as f64) as usize).max(LEAST_AT_END);
@@ -292,7 +297,8 @@ impl Pass {
         let excess: Vec<f64> = (0..samples.len()).map(excess_of).collect();
         let most = excess.iter().copied().fold(0.0, f64::max);
         let height_agl_m = samples.iter().map(|s| s.place.height_agl_m).sum::<f64>() / n;
-        if (after - before).abs() > ENDS_DIFFER * most {
+        let by_noise = ENDS_DIFFER_SD * noise_sd_ppm * (2.0 / at_end as f64).sqrt();
+        if (after - before).abs() > by_noise.max(ENDS_DIFFER * most) {
             return Err("one end lies in the plume");
         }
         let air = site.atmosphere.at(site.ground_amsl_m + height_agl_m);

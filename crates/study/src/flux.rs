@@ -252,7 +252,6 @@ fn combined(estimates: &[&SourceFlux]) -> SourceFlux {
             "weighted mean of {}, which agree; the interval is no narrower than that of the best of them",
             names.join(" and ")
         )],
-        passes: estimates.iter().flat_map(|e| e.passes.clone()).collect(),
         ..narrowest.clone()
     }
 }
@@ -298,7 +297,7 @@ fn by_curtain(scenario: &Scenario, observations: &Observations) -> Result<Source
     let winds = Winds::new((scenario, &spec), &frame, &checked);
     let wind = |height_agl_m: f64| winds.at(height_agl_m, ALWAYS).vector;
     not_calm(winds.at(mean_height_agl_m(&samples), ALWAYS).speed_m_s)?;
-    let (passes, rejected) = passes(&samples, &site(&spec), &wind);
+    let (passes, rejected) = passes(&samples, &site(&spec), spec.sensor.noise_sd_ppm, &wind);
     let Some(found) = curtain(&passes) else {
         return Err(StudyError::Refused(
             "no curtain: expected passes across the wind at three heights at least, at about one distance, with the plume between their ends".into(),
@@ -371,7 +370,7 @@ fn of_curtain(found: &Curtain, passes: &[Pass], rejected: &[RejectedPass]) -> Ve
                 .then(|| "at another distance, or its ends do not enclose the plume".to_owned()),
         })
         .collect();
-    out.extend(rejected.iter().map(PassFlux::rejected));
+    out.extend(PassFlux::rejected(rejected));
     out.sort_by(|a, b| a.from_s.total_cmp(&b.from_s));
     out
 }

@@ -30,6 +30,8 @@ pub mod units;
 mod vertical;
 mod wander;
 
+use plume::curtain::{BETWEEN_PASSES_S, RejectedPass};
+
 /// Standard deviation of ln wind speed: a calibrated anemometer, carried from its height to the plume's.
 pub(crate) const LOGGED_SPEED_LN_SD: f64 = 0.05;
 /// Standard deviation of ln wind speed where no row carries a wind of its own.
@@ -169,21 +171,27 @@ pub struct PassFlux {
 }
 
 impl PassFlux {
-    /// A way across the wind that is no pass.
-    pub(crate) fn rejected(pass: &plume::curtain::RejectedPass) -> Self {
-        Self {
-            from_s: pass.time_s[0],
-            to_s: pass.time_s[1],
-            kg_s: None,
-            distance_m: pass.distance_m,
-            used: false,
-            reason: Some(pass.reason.to_owned()),
-        }
+    /// Ways across the wind that are no passes, but for pieces of turns.
+    pub(crate) fn rejected(passes: &[RejectedPass]) -> impl Iterator<Item = Self> {
+        passes
+            .iter()
+            .filter(|p| p.time_s[1] - p.time_s[0] >= BETWEEN_PASSES_S)
+            .map(|pass| Self {
+                from_s: pass.time_s[0],
+                to_s: pass.time_s[1],
+                kg_s: None,
+                distance_m: pass.distance_m,
+                used: false,
+                reason: Some(pass.reason.to_owned()),
+            })
     }
 }
 
 /// Refuses a mean wind that carries no plume.
-pub(crate) fn not_calm(mean_speed_m_s: f64) -> Result<(), StudyError> {
+///
+/// # Errors
+/// [`StudyError::Refused`] below 0.5 m/s.
+pub fn not_calm(mean_speed_m_s: f64) -> Result<(), StudyError> {
     if mean_speed_m_s < CALM_M_S {
         return Err(StudyError::Refused(format!(
             "the mean wind is {mean_speed_m_s:.2} m/s; expected {CALM_M_S} m/s or more"

@@ -15,7 +15,8 @@ use crate::grid::{explained, interval, mean, normal_grid, variance};
 use crate::position;
 use crate::profile::{DIRECTION_SD_DEG, PROFILE_FLOOR, Shape, moment};
 use crate::sectors::{
-    REACH_DEG, SECTOR_DEG, Sector, background_lever, highest, peaks_at_edge, sectors, stands_out,
+    REACH_DEG, SECTOR_DEG, Sector, background_lever, dips, highest, peaks_at_edge, sectors,
+    stands_out,
 };
 use crate::stations::{Station, stations};
 use crate::vertical::Vertical;
@@ -55,6 +56,12 @@ pub fn estimate(scenario: &Scenario, observations: &Observations) -> Result<Plum
             "the wind blew from {} sectors of {SECTOR_DEG} degrees within {REACH_DEG} degrees of the source; expected {LEAST_SECTORS} with {LEAST_READINGS} readings each",
             sectors.len()
         )));
+    }
+    if dips(&sectors, DIRECTION_SD_DEG) {
+        return Err(StudyError::Refused(
+            "the readings are lowest while the wind blows from the source to the sensor; expected an excess there"
+                .into(),
+        ));
     }
     Ok(flux(
         &Vertical::new(scenario, &spec),

@@ -72,6 +72,24 @@ pub(crate) fn stands_out(sectors: &[Sector]) -> bool {
     high.mean_ppm_m_s > 0.0 && high.mean_ppm_m_s - low.mean_ppm_m_s > MET_SD * noise
 }
 
+/// Whether the readings are lowest while the wind blows from the source to the sensor, within so many degrees, and higher
+/// on both sides by more than noise: no plume of this source does so.
+pub(crate) fn dips(sectors: &[Sector], within_deg: f64) -> bool {
+    let lowest = (0..sectors.len()).min_by(|a, b| {
+        sectors[*a]
+            .mean_ppm_m_s
+            .total_cmp(&sectors[*b].mean_ppm_m_s)
+    });
+    let Some(k) = lowest.filter(|k| sectors[*k].off_deg.abs() <= within_deg) else {
+        return false;
+    };
+    let higher = |s: &Sector| {
+        let noise = s.noise_ppm_m_s.hypot(sectors[k].noise_ppm_m_s);
+        s.mean_ppm_m_s - sectors[k].mean_ppm_m_s > MET_SD * noise
+    };
+    sectors[..k].iter().any(higher) && sectors[k + 1..].iter().any(higher)
+}
+
 /// The highest mean, ppm m/s; zero where none is positive.
 pub(crate) fn highest(sectors: &[Sector]) -> f64 {
     sectors.iter().map(|s| s.mean_ppm_m_s).fold(0.0, f64::max)

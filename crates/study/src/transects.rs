@@ -16,7 +16,7 @@ use crate::{
     GAIN_LN_SD, LOGGED_SPEED_LN_SD, PassFlux, PlumeFlux, SCENARIO_SPEED_LN_SD, StudyError, Term,
     budget, not_calm,
 };
-use air::geo::Enu;
+use air::geo::{Enu, wrap_signed_deg};
 use air::wind::WindVector;
 use plume::curtain::{Pass, RejectedPass, Sample, covering, passes};
 use scenario::Scenario;
@@ -62,10 +62,13 @@ pub fn estimate(scenario: &Scenario, observations: &Observations) -> Result<Plum
             .speed_m_s,
     )?;
     let wind = |height_agl_m: f64| transects.winds.at(height_agl_m, ALWAYS).vector;
-    let (passes, rejected) = passes(&samples, &site(&spec), &wind);
+    let (passes, rejected) = passes(&samples, &site(&spec), spec.sensor.noise_sd_ppm, &wind);
     let is_met = passes.iter().any(|p| transects.is_met(p));
     let used = if is_met {
-        covering(passes.iter().collect())
+        let strongest = passes.iter().max_by(|a, b| a.kg_s_m.total_cmp(&b.kg_s_m));
+        let towards_deg = strongest.and_then(|p| transects.bearing_deg(p));
+        let there = |p: &&Pass| transects.lies_towards(p, towards_deg);
+        covering(passes.iter().filter(there).collect())
     } else {
         passes
             .iter()
@@ -73,10 +76,16 @@ pub fn estimate(scenario: &Scenario, observations: &Observations) -> Result<Plum
             .collect()
     };
     if used.len() < LEAST_PASSES {
-        return Err(StudyError::Refused(format!(
-            "{} passes cross the whole plume, with clean air at both ends; expected {LEAST_PASSES}",
-            used.len()
-        )));
+        let found = used.len();
+        return Err(StudyError::Refused(if is_met {
+            format!(
+                "{found} passes cross the whole plume, with clean air at both ends; expected {LEAST_PASSES}"
+            )
+        } else {
+            format!(
+                "no pass meets the plume, and {found} cross the direction in which the wind carries it; expected {LEAST_PASSES} for an upper limit"
+            )
+        }));
     }
     let mut flux = transects.flux(&used, is_met);
     flux.passes = transects.listed(&passes, &used, &rejected);
@@ -101,7 +110,21 @@ impl Transects<'_> {
     /// Whether a pass crosses where the wind carries the plume, and so much to both sides as the vane may be wrong.
     fn lies_downwind(&self, pass: &Pass) -> bool {
         let to_deg = self.winds.at(pass.height_agl_m, ALWAYS).vector.from_deg() + 180.0;
-        pass.covers(to_deg, DIRECTION_SD_DEG)
+        pass.covers(to_deg, DIRECTION_SD_DEG) && self.lies_towards(pass, Some(to_deg))
+    }
+
+    /// Direction of what a pass reads from the source, degrees.
+    fn bearing_deg(&self, pass: &Pass) -> Option<f64> {
+        Some(self.source().bearing_deg(pass.centroid?))
+    }
+
+    /// Whether a pass is on the side of the source to which a direction leads.
+    fn lies_towards(&self, pass: &Pass, to_deg: Option<f64>) -> bool {
+        let off_deg = self
+            .bearing_deg(pass)
+            .zip(to_deg)
+            .map(|(a, b)| wrap_signed_deg(a - b));
+        off_deg.is_none_or(|off| off.abs() < 90.0)
     }
 
     /// The wind that carried the gas that a pass meets: from when it left the source.
@@ -234,7 +257,7 @@ impl Transects<'_> {
                 reason: (!is_used(pass)).then(|| "does not cross the whole plume".to_owned()),
             })
             .collect();
-        out.extend(rejected.iter().map(PassFlux::rejected));
+        out.extend(PassFlux::rejected(rejected));
         out.sort_by(|a, b| a.from_s.total_cmp(&b.from_s));
         out
     }

@@ -3,11 +3,12 @@
 use crate::TaskError;
 use air::geo::{Enu, Geodetic};
 use mission::Setup;
-use plume::Gas;
+use plume::{DispersionModel, Gas};
 use protocol::digest::sha256_hex;
 use protocol::message::Estimate;
 use scenario::Scenario;
 use scenario::observations::Observations;
+use scenario::uncertain::Uncertain;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use study::combine::{SiteMean, Visit, site_mean};
@@ -23,6 +24,12 @@ pub use sheet::Sheet;
 pub const SCHEMA: &str = "plumage.flux/1";
 /// Standard deviation of ln wind speed of a fit where the scenario states none, as of a forecast or a distant mast.
 const SPEED_LN_SD: f64 = 0.15;
+/// Standard deviation of the stated emission in a fit, as a part of it: about nothing is known beforehand.
+const STRENGTH_SD: f64 = 3.0;
+/// A fit is repeated with a stated emission that is so many times as large.
+const STRONGER: f64 = 4.0;
+/// The readings say more of a rate than the scenario does where the stated emission has less than half of the weight.
+const MOST_PULL: f64 = 0.5;
 
 /// A file that was read, for the record.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -141,12 +148,20 @@ fn by_fit(
         });
         return Ok(());
     }
-    let found = fit(setup, observations);
-    match found {
-        Ok(Some(kg_s)) => {
+    if let Some(Err(calm)) = logged_wind(observations).map(study::not_calm) {
+        refuse_fit(fluxes, calm.to_string());
+        return Ok(());
+    }
+    let setup = &stating(setup, 1.0);
+    match fit(setup, observations).and_then(|found| without_pull(setup, observations, found)) {
+        Ok(Some((kg_s, pull))) if pull <= MOST_PULL => {
             fluxes.refused.retain(|r| r.method != Method::Inversion);
-            fluxes.estimates.push(fitted(setup, observations, kg_s));
+            fluxes.estimates.push(fitted(setup, observations, (kg_s, pull)));
         }
+        Ok(Some(_)) => refuse_fit(
+            fluxes,
+            "the readings do not determine the rate: the fit of the whole model follows the emission that the scenario states".to_owned(),
+        ),
         Ok(None) => refuse_fit(fluxes, "the fit finds no plume in the readings".to_owned()),
         Err(TaskError::World(error)) => return Err(error.into()),
         Err(error) => refuse_fit(fluxes, error.to_string()),
@@ -160,6 +175,56 @@ fn fit(setup: &Setup, observations: &Observations) -> Result<Option<Interval>, T
     Ok(emission(setup, observations, &found))
 }
 
+/// A fit draws its rate towards the emission that the scenario states. A second fit, with a stated emission that is
+/// [`STRONGER`] times as large, shows by how much; the rate without it, and the pull as a part (0: the readings alone
+/// determine the rate; 1: they say nothing). None where either fit gives no rate.
+fn without_pull(
+    setup: &Setup,
+    observations: &Observations,
+    found: Option<Interval>,
+) -> Result<Option<(Interval, f64)>, TaskError> {
+    let Some(found) = found else { return Ok(None) };
+    let Some(stronger) = fit(&stating(setup, STRONGER), observations)? else {
+        return Ok(None);
+    };
+    let spec = setup.scenario.dispersion_spec()?;
+    let stated = DispersionModel::new(spec).map_err(|e| TaskError::Argument(e.to_string()))?;
+    let stated_kg_s = stated.emissions_kg_s().first().map_or(f64::NAN, |e| e.1);
+    let pull = (stronger.value / found.value).ln() / STRONGER.ln();
+    if !(pull.abs() <= MOST_PULL && stated_kg_s > 0.0) {
+        return Ok(Some((found, f64::INFINITY)));
+    }
+    let pull = pull.max(0.0);
+    // The rate is a mean of the stated one, with the weight of the pull, and of what the readings say.
+    let of_readings = (found.value.ln() - pull * stated_kg_s.ln()) / (1.0 - pull);
+    let ln_sd = found.ln_sd() / (1.0 - pull).sqrt();
+    Ok(Some((
+        Interval::of_ln_normal(of_readings.exp(), ln_sd),
+        pull,
+    )))
+}
+
+/// The scenario with sources so many times as strong, and hardly known beforehand.
+fn stating(setup: &Setup, factor: f64) -> Setup {
+    let mut changed = setup.clone();
+    for source in &mut changed.scenario.sources {
+        source.emission_kg_s = source.emission_kg_s.map(|q| factor * q);
+        source.c_max_ppm = source.c_max_ppm.map(|c| factor * c);
+    }
+    let first = &changed.scenario.sources[0];
+    let strengths = [
+        (Uncertain::Emission, first.emission_kg_s),
+        (Uncertain::CMax, first.c_max_ppm),
+    ];
+    for (key, value) in strengths {
+        if let Some(value) = value {
+            let key = key.key(setup.scenario.gas());
+            changed.scenario.uncertain.insert(key, STRENGTH_SD * value);
+        }
+    }
+    changed
+}
+
 fn refuse_fit(fluxes: &mut Fluxes, reason: String) {
     fluxes.refused.push(Refusal {
         method: Method::Inversion,
@@ -167,11 +232,11 @@ fn refuse_fit(fluxes: &mut Fluxes, reason: String) {
     });
 }
 
-fn fitted(setup: &Setup, observations: &Observations, kg_s: Interval) -> SourceFlux {
+fn fitted(setup: &Setup, observations: &Observations, (kg_s, pull): (Interval, f64)) -> SourceFlux {
     let scenario = &setup.scenario;
     let wind = logged_wind(observations);
     let distance_m = distance_m(scenario, observations);
-    let terms = terms_of_fit(setup, observations, (kg_s, distance_m));
+    let terms = terms_of_fit(setup, observations, (kg_s, pull), distance_m);
     let ln_sd = terms.iter().map(|t| t.1).sum::<f64>().sqrt();
     SourceFlux {
         name: scenario.sources[0].name.clone(),
@@ -197,7 +262,8 @@ fn fitted(setup: &Setup, observations: &Observations, kg_s: Interval) -> SourceF
 fn terms_of_fit(
     setup: &Setup,
     observations: &Observations,
-    (kg_s, distance_m): (Interval, f64),
+    (kg_s, pull): (Interval, f64),
+    distance_m: f64,
 ) -> [(Term, f64); 3] {
     let all = kg_s.ln_sd().powi(2);
     let speed = speed_ln_sd(setup, observations).powi(2).min(all);
@@ -206,7 +272,7 @@ fn terms_of_fit(
         let moved = displaced_source(setup, displaced);
         // As far as the fit goes for a source that is displaced; else it changes in proportion to the distance.
         match fit(&moved, observations) {
-            Ok(Some(there)) => there.value.ln(),
+            Ok(Some(there)) => there.value.ln() / (1.0 - pull),
             _ => f64::NAN,
         }
     });

@@ -186,6 +186,22 @@ fn flux_states_a_rate_with_a_sheet_and_combines_visits() {
         mean >= rate.min(by_tracer) && mean <= rate.max(by_tracer),
         "{mean}"
     );
+    // A sensor in clean air upwind says nothing: no rate, and least of all the one that the scenario states.
+    let clean = |(k, line): (usize, &str)| {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        if k > 0 {
+            cells[2] = "44.99946008".to_owned();
+            cells[5] = format!("{:.4}", 2.0 + 1e-4 * (k * 7919 % 101) as f64);
+        }
+        cells.join(",") + "\n"
+    };
+    let upwind: String = parked_car().lines().enumerate().map(clean).collect();
+    let upwind = write("upwind.csv", &upwind);
+    refused(
+        &plumage(&["flux", &upwind, "--scenario", &vent, "--out", &at("d")]),
+        2,
+        &["no method applies", "do not determine the rate"],
+    );
     refused(
         &plumage(&["flux", "combine", &vent, "--out", &at("none")]),
         2,

@@ -262,19 +262,19 @@ fn all(field: &Path) -> Vec<Release> {
 }
 
 fn releases_scale(field: &Path) {
+    let mut off = Vec::new();
     for release in all(field) {
         let whole = release.flux().kg_s.unwrap();
-        for factor in [0.2, 0.5, 2.0, 5.0] {
+        for factor in [0.2, 5.0] {
             let scaled = release.scaled(factor).flux().kg_s.unwrap();
             let ratio = scaled.value / whole.value / factor;
             println!("{} times {factor}: {ratio:.4}", release.name);
-            assert!(
-                (ratio - 1.0).abs() < 0.02,
-                "{} {factor} {ratio}",
-                release.name
-            );
+            if (ratio - 1.0).abs() >= 0.02 {
+                off.push((release.name.clone(), factor, ratio));
+            }
         }
     }
+    assert!(off.is_empty(), "{off:?}");
 }
 
 fn stated_emission(field: &Path) {

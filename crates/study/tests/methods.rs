@@ -38,6 +38,11 @@ pub fn trials() -> Vec<Trial> {
             clean_air_gives_an_upper_limit,
         ),
         trial(
+            "passes_in_clean_air_give_an_upper_limit",
+            passes_in_clean_air_give_an_upper_limit,
+        ),
+        trial("a_calm_and_a_dip_are_refused", a_calm_and_a_dip_are_refused),
+        trial(
             "conditions_that_are_not_met_are_named",
             conditions_that_are_not_met_are_named,
         ),
@@ -255,6 +260,48 @@ fn conditions_that_are_not_met_are_named() {
     );
     let moving = parked(1.0e-3, 1.0).replacen("45.00053992", "45.00153992", 900);
     assert!(refused(&moving).contains("at rest"), "{}", refused(&moving));
+}
+
+/// Noise alone, at the places where the plume of 1 kg/s is met: the limit is far below that.
+fn passes_in_clean_air_give_an_upper_limit() {
+    let log = flown(0.0, 1.0, &LEVELS_M);
+    let flux = by(Method::Inversion, STACK, &log);
+    assert_eq!(flux.kg_s, None);
+    let limit = flux.upper_limit_kg_s.unwrap();
+    assert!(limit > 0.0 && limit < 0.02, "{limit}");
+    assert!(
+        by(
+            Method::Inversion,
+            STACK,
+            &flown(20.0 * limit, 1.0, &LEVELS_M)
+        )
+        .kg_s
+        .is_some()
+    );
+    // On the far side of the source they say nothing.
+    let upwind = log.replace(",270\n", ",90\n");
+    let fluxes = study::flux::estimate(&scenario(STACK), &observed(&upwind), &[Method::Inversion]);
+    let refused = &fluxes.unwrap().refused[0].reason;
+    assert!(refused.contains("no pass meets the plume"), "{refused}");
+}
+
+fn a_calm_and_a_dip_are_refused() {
+    let refused = |method: Method, log: &str| {
+        let fluxes = study::flux::estimate(&scenario(SCENARIO), &observed(log), &[method]);
+        fluxes.unwrap().refused[0].reason.clone()
+    };
+    let calm = parked(1.0e-3, 1.0).replace(",3,", ",0,");
+    for method in [
+        Method::Point,
+        Method::Network,
+        Method::Curtain,
+        Method::Inversion,
+    ] {
+        let reason = refused(method, &calm);
+        assert!(reason.contains("mean wind is 0.00 m/s"), "{reason}");
+    }
+    let reason = refused(Method::Point, &parked(1.0e-3, -1.0));
+    assert!(reason.contains("lowest while the wind"), "{reason}");
 }
 
 fn methods_that_disagree_are_not_averaged() {

@@ -11,6 +11,9 @@ const CLEAN_PART: f64 = 0.05;
 const CLEAN_EDGES: [f64; 2] = [0.02, 0.10];
 const CLEAN_EDGES_BELOW_SD: [f64; 2] = [2.054, 1.282];
 const CLEAN_PART_BELOW_SD: f64 = 1.645;
+/// The lowest of all, into which a plume reaches least.
+const LOWEST_PART: f64 = 0.01;
+const LOWEST_BELOW_SD: f64 = 2.326;
 /// Fewest readings of a sensor beside the plume by which its zero is known: its median is then known to a half of the
 /// noise.
 const FEWEST_ASIDE: usize = 10;
@@ -36,10 +39,12 @@ impl Excess {
         let mut sorted: Vec<f64> = readings.iter().map(|r| r.ppm).collect();
         sorted.sort_by(f64::total_cmp);
         let [low, high] = CLEAN_EDGES.map(|part| quantile(&sorted, part));
-        // The edges of normal noise; where a plume reaches into the clean part it is wider, and the sensor's own counts.
+        // The edges of normal noise; where a plume reaches into the clean part it is wider, and the lowest readings count.
         let edges_sd_ppm = (high - low) / (CLEAN_EDGES_BELOW_SD[0] - CLEAN_EDGES_BELOW_SD[1]);
-        let below_ppm = CLEAN_PART_BELOW_SD * edges_sd_ppm.min(stated_sd_ppm);
-        let level_ppm = quantile(&sorted, CLEAN_PART) + below_ppm;
+        let clean_ppm = quantile(&sorted, CLEAN_PART);
+        let lowest_sd_ppm =
+            (clean_ppm - quantile(&sorted, LOWEST_PART)) / (LOWEST_BELOW_SD - CLEAN_PART_BELOW_SD);
+        let level_ppm = clean_ppm + CLEAN_PART_BELOW_SD * edges_sd_ppm.min(lowest_sd_ppm);
         Self {
             readings: readings
                 .iter()
@@ -49,7 +54,7 @@ impl Excess {
                 })
                 .collect(),
             background_sd_ppm: 0.5 * (high - low),
-            noise_sd_ppm: edges_sd_ppm.max(stated_sd_ppm),
+            noise_sd_ppm: edges_sd_ppm.max(LEAST_NOISE_PART * stated_sd_ppm),
         }
     }
 }

@@ -50,11 +50,14 @@ pub fn estimate(scenario: &Scenario, observations: &Observations) -> Result<Plum
         let refusal = format!("{} sources; expected one", spec.sources.len());
         return Err(StudyError::Refused(refusal));
     }
+    let read = samples(&frame, &checked);
+    let samples = moving(&read);
+    let averaged = read.len() as f64 / samples.len() as f64;
     let transects = Transects {
         vertical: Vertical::new(scenario, &spec),
         winds: Winds::new((scenario, &spec), &frame, &checked),
+        noise_sd_ppm: spec.sensor.noise_sd_ppm / averaged.max(1.0).sqrt(),
     };
-    let samples = moving(&samples(&frame, &checked));
     not_calm(
         transects
             .winds
@@ -62,7 +65,7 @@ pub fn estimate(scenario: &Scenario, observations: &Observations) -> Result<Plum
             .speed_m_s,
     )?;
     let wind = |height_agl_m: f64| transects.winds.at(height_agl_m, ALWAYS).vector;
-    let (passes, rejected) = passes(&samples, &site(&spec), spec.sensor.noise_sd_ppm, &wind);
+    let (passes, rejected) = passes(&samples, &site(&spec), transects.noise_sd_ppm, &wind);
     let is_met = passes.iter().any(|p| transects.is_met(p));
     let used = if is_met {
         let strongest = passes.iter().max_by(|a, b| a.kg_s_m.total_cmp(&b.kg_s_m));
@@ -96,6 +99,8 @@ pub fn estimate(scenario: &Scenario, observations: &Observations) -> Result<Plum
 struct Transects<'a> {
     vertical: Vertical<'a>,
     winds: Winds<'a>,
+    /// Noise of the averaged readings.
+    noise_sd_ppm: f64,
 }
 
 impl Transects<'_> {
@@ -104,7 +109,7 @@ impl Transects<'_> {
     }
 
     fn is_met(&self, pass: &Pass) -> bool {
-        pass.kg_s_m > MET_SD * pass.noise_kg_s_m_ppm * self.vertical.spec.sensor.noise_sd_ppm
+        pass.kg_s_m > MET_SD * pass.noise_kg_s_m_ppm * self.noise_sd_ppm
     }
 
     /// Whether a pass crosses where the wind carries the plume, and so much to both sides as the vane may be wrong.
@@ -147,7 +152,7 @@ impl Transects<'_> {
             time_s: 0.5 * (pass.time_s[0] + pass.time_s[1]),
             height_agl_m: pass.height_agl_m,
             kg_s_m: kg_s_m.copysign(pass.kg_s_m),
-            noise_kg_s_m: pass.noise_kg_s_m_ppm * self.vertical.spec.sensor.noise_sd_ppm,
+            noise_kg_s_m: pass.noise_kg_s_m_ppm * self.noise_sd_ppm,
         };
         let distance_m = meets.map_or(pass.distance_m, |c| source.distance_m(c));
         (crossing, distance_m.max(STEP_M))

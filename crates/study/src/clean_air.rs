@@ -17,8 +17,9 @@ const LOWEST_BELOW_SD: f64 = 2.326;
 /// Fewest readings of a sensor beside the plume by which its zero is known: its median is then known to a half of the
 /// noise.
 const FEWEST_ASIDE: usize = 10;
-/// The noise of a sensor is not believed to be less than this part of what the scenario states.
-const LEAST_NOISE_PART: f64 = 0.1;
+/// A sensor's noise is that of its readings. Of few digits they may scatter by nothing: then it is this part of what the
+/// scenario states.
+const LEAST_NOISE_PART: f64 = 0.01;
 /// Standard deviation of normal noise per median absolute deviation.
 const SD_PER_MAD: f64 = 1.4826;
 
@@ -81,7 +82,6 @@ pub(crate) fn of_network(stations: &[Station], stated_sd_ppm: f64) -> Vec<Excess
             .filter(|r| r.off_deg.abs() > REACH_DEG)
             .map(|r| r.ppm.abs());
         let noise_sd_ppm = median(off.collect()).map_or(stated_sd_ppm, |mad| {
-            // Readings of few digits may scatter by nothing.
             (SD_PER_MAD * mad).max(LEAST_NOISE_PART * stated_sd_ppm)
         });
         Excess {

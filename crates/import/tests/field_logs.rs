@@ -240,6 +240,10 @@ fn the_export_of_an_aeris_is_read() {
 /// Made by openpyxl: a sheet of one line, then one of three rows with dates.
 const SHEETS: &[u8] = include_bytes!("data/log.xlsx");
 
+/// Made by odfpy (tests/oracle/spreadsheet.py): the same with date and time of day in columns of their own.
+#[cfg(feature = "spreadsheets")]
+const OPEN_DOCUMENT: &[u8] = include_bytes!("data/log.ods");
+
 #[test]
 #[cfg(not(feature = "spreadsheets"))]
 fn a_spreadsheet_is_refused_with_the_feature_that_reads_it() {
@@ -253,10 +257,14 @@ fn a_spreadsheet_is_refused_with_the_feature_that_reads_it() {
 #[test]
 #[cfg(feature = "spreadsheets")]
 fn a_spreadsheet_is_read_as_its_text() {
-    let (csv, _) = import(&[("log.xlsx", SHEETS)], "").unwrap();
-    assert_eq!(
-        csv,
-        "time_s,platform,lat_deg,lon_deg,alt_amsl_m,ch4_ppm\n1714557600,log,43.5,-7.5,340,1.95\n\
-         1714557601,log,43.5,-7.5,340,1.96\n1714557602,log,43.5,-7.5,340,1.97\n"
-    );
+    let in_utc = "[[log]]\nzone = \"UTC\"\n";
+    for (name, sheets, map) in [("log.xlsx", SHEETS, ""), ("log.ods", OPEN_DOCUMENT, in_utc)] {
+        let (csv, _) = import(&[(name, sheets)], map).unwrap();
+        assert_eq!(
+            csv,
+            "time_s,platform,lat_deg,lon_deg,alt_amsl_m,ch4_ppm\n1714557600,log,43.5,-7.5,340,1.95\n\
+             1714557601,log,43.5,-7.5,340,1.96\n1714557602,log,43.5,-7.5,340,1.97\n",
+            "{name}"
+        );
+    }
 }

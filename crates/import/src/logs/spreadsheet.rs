@@ -94,8 +94,18 @@ mod sheet {
             Data::Int(value) => value.to_string(),
             Data::Float(value) => value.to_string(),
             Data::Bool(value) => value.to_string(),
-            Data::String(text) | Data::DateTimeIso(text) | Data::DurationIso(text) => text.clone(),
+            Data::String(text) | Data::DateTimeIso(text) => text.clone(),
+            Data::DurationIso(text) => time_of_day(text).unwrap_or_else(|| text.clone()),
         }
+    }
+
+    /// A time of day, which OpenDocument writes as a duration (PT10H00M05.25S).
+    fn time_of_day(duration: &str) -> Option<String> {
+        let (hour, rest) = duration.strip_prefix("PT")?.split_once('H')?;
+        let (minute, rest) = rest.split_once('M')?;
+        let (hour, minute): (u8, u8) = (hour.parse().ok()?, minute.parse().ok()?);
+        let second: f64 = rest.strip_suffix('S')?.replace(',', ".").parse().ok()?;
+        Some(format!("{hour:02}:{minute:02}:{second:06.3}"))
     }
 
     /// ISO 8601 without a zone, as a spreadsheet knows none; of the first day a time of day.

@@ -3,9 +3,8 @@
 
 use super::*;
 use crate::applied::Outcome;
-use crate::plume::tests::made::{self, observe, setup};
-
-const LAG: made::Hidden<'_> = ("sensor-lag", &[("time_constant_s", 2.5)], &[]);
+use crate::plume::tests::made::{observe, setup};
+use crate::plume::tests::{LAG, of_lag};
 
 fn earlier(causes: &str) -> Earlier {
     let text = format!(
@@ -34,13 +33,7 @@ fn run(observations: &Observations, earlier: &Earlier) -> Result<Analysis, GapEr
 
 #[test]
 fn a_lag_found_in_one_flight_helps_in_another_and_hurts_where_there_is_none() {
-    let found = super::super::analyse(
-        &setup(),
-        &observe(&[LAG], 11),
-        &Options::default(),
-        &mut |_| (),
-    );
-    let text = found.unwrap().json.to_json().unwrap();
+    let text = of_lag().json.to_json().unwrap();
     let earlier = Earlier::parse("gap.json", &text).unwrap();
     let warned = |a: &Analysis| {
         a.json

@@ -10,33 +10,50 @@ use ::plume::field::DispersionModel;
 use made::{SCENARIO, observe, setup, setup_with};
 use scenario::Scenario;
 use scenario::observations::ObservationRow;
+use std::sync::OnceLock;
+
+/// A slow sensor, which several tests look at.
+pub(super) const LAG: made::Hidden<'_> = ("sensor-lag", &[("time_constant_s", 2.5)], &[]);
+
+/// The analysis of a record with [`LAG`].
+pub(super) fn of_lag() -> &'static Analysis {
+    static ONCE: OnceLock<Analysis> = OnceLock::new();
+    ONCE.get_or_init(|| run(&observe(&[LAG], 11)))
+}
+
+/// The analysis of a record without a cause or a flaw.
+fn of_nothing() -> &'static Analysis {
+    static ONCE: OnceLock<Analysis> = OnceLock::new();
+    ONCE.get_or_init(|| run(&observe(&[], 17)))
+}
 
 fn run(observations: &Observations) -> Analysis {
     analyse(&setup(), observations, &Options::default(), &mut |_| ()).unwrap()
 }
 
+fn assert_nothing_found(a: &Analysis) {
+    assert_eq!(a.json.verdict, Verdict::None, "{}", a.json.summary);
+    assert!(a.extension.is_empty() && a.json.gain.is_none());
+    assert!(!a.json.detectable.is_empty() && !a.json.residual.is_empty());
+}
+
 #[test]
 fn nothing_hidden_is_none() {
     // Rates of false alarms over many seeds are measured by `gap-bench`.
+    assert_nothing_found(of_nothing());
+}
+
+#[test]
+#[ignore = "second tier: more of the same"]
+fn nothing_hidden_is_none_of_other_seeds() {
     for seed in 1..=2 {
-        let a = run(&observe(&[], seed));
-        assert_eq!(
-            a.json.verdict,
-            Verdict::None,
-            "seed {seed}: {}",
-            a.json.summary
-        );
-        assert!(a.extension.is_empty() && a.json.gain.is_none());
-        assert!(!a.json.detectable.is_empty() && !a.json.residual.is_empty());
+        assert_nothing_found(&run(&observe(&[], seed)));
     }
 }
 
 #[test]
 fn a_lag_is_named_measured_and_pays() {
-    let a = run(&observe(
-        &[("sensor-lag", &[("time_constant_s", 2.5)], &[])],
-        11,
-    ));
+    let a = of_lag();
     assert_eq!(a.json.verdict, Verdict::Named, "{}", a.json.summary);
     assert_eq!(a.json.causes[0].mechanisms, ["sensor-lag"]);
     let lag = &a.json.causes[0].parameters[0];
@@ -45,7 +62,7 @@ fn a_lag_is_named_measured_and_pays() {
         "{lag:?} {:?}",
         a.json.notices
     );
-    let h = a.json.gain.unwrap().held_out;
+    let h = &a.json.gain.as_ref().unwrap().held_out;
     assert!(h.log_score_after > h.log_score_before + 10.0 && h.rmse_after < h.rmse_before);
     assert_eq!(a.extension[0].id().as_str(), "sensor-lag");
     // The extension is a mechanism that the world runs.
@@ -81,9 +98,7 @@ fn the_answer_repeats() {
 /// All concentrations and their settings times a hundred change the unit alone.
 #[test]
 fn the_answer_is_the_same_in_another_unit() {
-    let lag = [("sensor-lag", &[("time_constant_s", 4.0)][..], &[][..])];
-    let ppm = observe(&lag, 14);
-    let mut ppb = ppm.clone();
+    let mut ppb = observe(&[LAG], 11);
     for row in &mut ppb.rows {
         row.co2_ppm = row.co2_ppm.map(|c| 100.0 * c);
     }
@@ -101,7 +116,7 @@ fn the_answer_is_the_same_in_another_unit() {
         );
     let hundredfold = Setup::new(&Scenario::parse("test.toml", &text).unwrap()).unwrap();
     let options = Options::default();
-    let a = run(&ppm).json;
+    let a = &of_lag().json;
     let b = analyse(&hundredfold, &ppb, &options, &mut |_| ())
         .unwrap()
         .json;
@@ -165,21 +180,34 @@ fn constant_readings_are_frozen() {
     assert!(flaws.contains(&Flaw::Frozen));
 }
 
+/// A stretch that stands still, codes for no reading, and a gap.
 #[test]
-fn a_frozen_stretch_is_masked_and_makes_no_verdict() {
+fn flaws_are_masked_or_said_and_make_no_verdict() {
     let (verdict, flaws) = damaged(|r| {
-        if r.platform == 1 && (200.0..300.0).contains(&r.time_s) {
-            r.co2_ppm = Some(470.0);
+        let time_s = r.time_s;
+        match r.platform {
+            _ if (300.0..400.0).contains(&time_s) => r.co2_ppm = None,
+            0 if time_s % 17.0 == 0.0 => r.co2_ppm = Some(65_535.0),
+            1 if (100.0..200.0).contains(&time_s) => r.co2_ppm = Some(470.0),
+            2 if time_s % 17.0 == 0.0 => r.co2_ppm = Some(-9_999.0),
+            _ => {}
         }
     });
-    assert!(flaws.contains(&Flaw::Frozen));
+    for flaw in [Flaw::Frozen, Flaw::Gap, Flaw::Outlier] {
+        assert!(flaws.contains(&flaw), "{flaw:?}: {flaws:?}");
+    }
     assert_eq!(verdict, Verdict::None);
 }
 
 #[test]
 fn a_spike_is_said_and_what_noise_does_is_not() {
     let spikes = |flaws: &[Flaw]| flaws.iter().filter(|f| **f == Flaw::Outlier).count();
-    let (_, clean) = damaged(|_| ());
+    let clean: Vec<Flaw> = of_nothing()
+        .json
+        .data_quality
+        .iter()
+        .map(|q| q.kind)
+        .collect();
     assert_eq!(spikes(&clean), 0, "{clean:?}");
     let (verdict, flaws) = damaged(|o| {
         if o.platform == 1 && o.time_s == 200.0 {
@@ -187,17 +215,6 @@ fn a_spike_is_said_and_what_noise_does_is_not() {
         }
     });
     assert_eq!((verdict, spikes(&flaws)), (Verdict::None, 1), "{flaws:?}");
-}
-
-#[test]
-fn a_gap_is_reported_and_makes_no_verdict() {
-    let (verdict, flaws) = damaged(|r| {
-        if (200.0..300.0).contains(&r.time_s) {
-            r.co2_ppm = None;
-        }
-    });
-    assert!(flaws.contains(&Flaw::Gap));
-    assert_eq!(verdict, Verdict::None);
 }
 
 #[test]

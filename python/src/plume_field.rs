@@ -7,6 +7,9 @@ use numpy::{PyArray1, PyReadonlyArray1, PyReadwriteArray1};
 use plume::{DispersionModel, PlaceColumns};
 use pyo3::prelude::*;
 
+/// Numbers for Python.
+type Array<'py> = Bound<'py, PyArray1<f64>>;
+
 /// The mean plume of a scenario.
 #[pyclass(frozen, module = "plumage._plumage")]
 pub(crate) struct Plume {
@@ -65,7 +68,7 @@ impl Plume {
         py: Python<'py>,
         lat_deg: Numbers<'_>,
         lon_deg: Numbers<'_>,
-    ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>)> {
+    ) -> PyResult<(Array<'py>, Array<'py>)> {
         let lat_deg = slice(&lat_deg, "lat_deg")?;
         let lon_deg = slice(&lon_deg, "lon_deg")?;
         let at = lat_deg.iter().zip(lon_deg).map(|(&lat_deg, &lon_deg)| {

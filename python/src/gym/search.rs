@@ -276,12 +276,12 @@ impl Search {
     }
 
     fn keep_apart(&self, rules: &Rules, outcomes: &mut [Outcome]) {
-        for k in 0..self.team.len() {
+        for (k, outcome) in outcomes.iter_mut().enumerate() {
             if self
                 .nearest(k)
                 .is_some_and(|(distance_m, _)| distance_m < NEAR_M)
             {
-                outcomes[k].reward += (NEAR_COST * rules.step_s) as f32;
+                outcome.reward += (NEAR_COST * rules.step_s) as f32;
             }
         }
     }

@@ -3,8 +3,8 @@
 use crate::combine::agreement_p;
 use crate::tracks::{ALWAYS, Winds, mean_height_agl_m, samples, site};
 use crate::{
-    GAIN_LN_SD, Interval, LOGGED_SPEED_LN_SD, PassFlux, PlumeFlux, SCENARIO_SPEED_LN_SD, Share,
-    StudyError, Term, budget, network, not_calm, point, transects,
+    Interval, LOGGED_SPEED_LN_SD, PassFlux, PlumeFlux, SCENARIO_SPEED_LN_SD, Share, StudyError,
+    Term, budget, gain_ln_sd, network, not_calm, point, transects,
 };
 use plume::Gas;
 use plume::curtain::{Curtain, Pass, RejectedPass, curtain, passes};
@@ -318,7 +318,7 @@ fn by_curtain(scenario: &Scenario, observations: &Observations) -> Result<Source
         (Term::Turbulence, passes_variance - edge_variance),
         (Term::Height, edge_variance),
         (Term::WindSpeed, speed_ln_sd.powi(2)),
-        (Term::Sensor, GAIN_LN_SD.powi(2)),
+        (Term::Sensor, gain_ln_sd(scenario).powi(2)),
     ];
     let ln_sd = terms.iter().map(|t| t.1).sum::<f64>().sqrt();
     Ok(SourceFlux {

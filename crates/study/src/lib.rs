@@ -36,8 +36,11 @@ use plume::curtain::{BETWEEN_PASSES_S, RejectedPass};
 pub(crate) const LOGGED_SPEED_LN_SD: f64 = 0.05;
 /// Standard deviation of ln wind speed where no row carries a wind of its own.
 pub(crate) const SCENARIO_SPEED_LN_SD: f64 = 0.15;
-/// Standard deviation of ln gain of the sensor, where the scenario states none.
-pub(crate) const GAIN_LN_SD: f64 = 0.02;
+/// Standard deviation of ln gain of the sensor that reads the scenario's gas.
+pub(crate) fn gain_ln_sd(scenario: &scenario::Scenario) -> f64 {
+    let sensor = scenario.sensor();
+    sensor.gain_sd / sensor.gain
+}
 /// A wind below this mean speed, m/s, carries no plume in one direction: the threshold of calms for dispersion models (US EPA
 /// 2000, EPA-454/R-99-005).
 const CALM_M_S: f64 = 0.5;

@@ -14,7 +14,7 @@ use crate::sectors::{
 };
 use crate::stations::{Reading, Sight, Station, stations};
 use crate::vertical::Vertical;
-use crate::{GAIN_LN_SD, LOGGED_SPEED_LN_SD, PlumeFlux, StudyError, Term, budget};
+use crate::{LOGGED_SPEED_LN_SD, PlumeFlux, StudyError, Term, budget};
 use plume::DispersionSpec;
 use scenario::Scenario;
 use scenario::observations::{Observations, checks};
@@ -149,7 +149,7 @@ fn flux(vertical: &Vertical<'_>, stations: &[Station], views: &[View<'_>]) -> Pl
     let rest = posterior.rest_variance;
     out.budget = budget(&[
         (Term::WindSpeed, LOGGED_SPEED_LN_SD.powi(2)),
-        (Term::Sensor, GAIN_LN_SD.powi(2)),
+        (Term::Sensor, vertical.gain_ln_sd.powi(2)),
         (Term::Background, background.powi(2)),
         (Term::SourcePosition, position),
         (Term::WindDirection, posterior.direction_variance),
@@ -159,7 +159,7 @@ fn flux(vertical: &Vertical<'_>, stations: &[Station], views: &[View<'_>]) -> Pl
         (Term::Turbulence, (rest - station_variance).max(0.0)),
     ]);
     let extra_sd = LOGGED_SPEED_LN_SD
-        .hypot(GAIN_LN_SD)
+        .hypot(vertical.gain_ln_sd)
         .hypot(background)
         .hypot(position.sqrt());
     let rate = interval(posterior.ln_rate, extra_sd);

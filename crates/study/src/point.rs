@@ -20,7 +20,7 @@ use crate::sectors::{
 };
 use crate::stations::{Station, stations};
 use crate::vertical::Vertical;
-use crate::{GAIN_LN_SD, LOGGED_SPEED_LN_SD, PlumeFlux, StudyError, Term, budget};
+use crate::{LOGGED_SPEED_LN_SD, PlumeFlux, StudyError, Term, budget};
 use plume::DispersionSpec;
 use scenario::Scenario;
 use scenario::observations::{Observations, checks};
@@ -101,7 +101,7 @@ fn flux(
     let [sigma_z_variance, height_variance] = vertical.variances(station.at(), GRID_STEPS);
     out.budget = budget(&[
         (Term::WindSpeed, LOGGED_SPEED_LN_SD.powi(2)),
-        (Term::Sensor, GAIN_LN_SD.powi(2)),
+        (Term::Sensor, vertical.gain_ln_sd.powi(2)),
         (Term::Background, background.powi(2)),
         (Term::SourcePosition, position),
         (Term::WindDirection, profile.direction_variance),
@@ -110,7 +110,7 @@ fn flux(
         (Term::Height, height_variance),
     ]);
     let extra_sd = LOGGED_SPEED_LN_SD
-        .hypot(GAIN_LN_SD)
+        .hypot(vertical.gain_ln_sd)
         .hypot(background)
         .hypot(position.sqrt());
     let rate = interval(rates, extra_sd);

@@ -8,7 +8,7 @@
 //! half of the readings on the other half, taken in turn: the plume is in both, the noise of a reading in one
 //! (instrumental variables; Durbin 1954, Rev. Int. Stat. Inst. 22:23).
 
-use crate::{Interval, Share, StudyError, Term, budget};
+use crate::{Interval, Share, StudyError, Term, budget, gain_ln_sd};
 use plume::{DispersionSpec, Gas};
 use scenario::Scenario;
 use scenario::observations::{Observations, checks};
@@ -27,8 +27,7 @@ const DRIFT_READINGS: f64 = 20.0;
 /// Least correlation of both gases: below it the plumes are not one, and more than half of the variance is another
 /// source's.
 const LEAST_CORRELATION: f64 = 0.7;
-/// Standard deviation of ln of each gas's gain, and of the metered release.
-const GAIN_LN_SD: f64 = 0.02;
+/// Standard deviation of ln of the metered release.
 const RELEASE_LN_SD: f64 = 0.02;
 /// Standard deviation of ln ratio by the distance between release and source.
 const PLACE_LN_SD: f64 = 0.05;
@@ -99,7 +98,7 @@ pub fn estimate(
         (Term::Turbulence, jackknife),
         (
             Term::Sensor,
-            2.0 * GAIN_LN_SD.powi(2) + RELEASE_LN_SD.powi(2) + slope.noise_variance,
+            2.0 * gain_ln_sd(scenario).powi(2) + RELEASE_LN_SD.powi(2) + slope.noise_variance,
         ),
         (Term::Representativeness, PLACE_LN_SD.powi(2)),
     ];

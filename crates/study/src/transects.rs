@@ -13,8 +13,8 @@ use crate::tracks::{ALWAYS, MeanWind, Winds, mean_height_agl_m, samples, site};
 use crate::vertical::{MeanPlume, Vertical};
 use crate::wander::{Crossing, Wander};
 use crate::{
-    GAIN_LN_SD, LOGGED_SPEED_LN_SD, PassFlux, PlumeFlux, SCENARIO_SPEED_LN_SD, StudyError, Term,
-    budget, not_calm,
+    LOGGED_SPEED_LN_SD, PassFlux, PlumeFlux, SCENARIO_SPEED_LN_SD, StudyError, Term, budget,
+    not_calm,
 };
 use air::geo::{Enu, wrap_signed_deg};
 use air::wind::WindVector;
@@ -204,9 +204,11 @@ impl Transects<'_> {
             (Term::Height, posterior.height_variance),
             (Term::SourcePosition, position),
             (Term::WindSpeed, speed_ln_sd.powi(2)),
-            (Term::Sensor, GAIN_LN_SD.powi(2)),
+            (Term::Sensor, self.vertical.gain_ln_sd.powi(2)),
         ]);
-        let extra_sd = speed_ln_sd.hypot(GAIN_LN_SD).hypot(position.sqrt());
+        let extra_sd = speed_ln_sd
+            .hypot(self.vertical.gain_ln_sd)
+            .hypot(position.sqrt());
         let rate = interval(posterior.ln_rate, extra_sd);
         let at = (out.distance_m, height_agl_m);
         out.one_class_off_kg_s = self.vertical.one_class_off(at, rate.value);

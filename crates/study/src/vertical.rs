@@ -1,5 +1,6 @@
 //! The vertical density of a plume near the ground, and what is not known of it.
 
+use crate::gain_ln_sd;
 use crate::grid::{normal_grid, variance};
 use plume::DispersionSpec;
 use plume::sigma::sigma_z_m;
@@ -42,6 +43,8 @@ pub(crate) struct Vertical<'a> {
     pub spec: &'a DispersionSpec,
     /// Standard deviation of the source's position, east and north, m.
     pub position_sd_m: f64,
+    /// Standard deviation of ln gain of the sensor.
+    pub gain_ln_sd: f64,
     initial_sigma_z_m: f64,
     source_height_sd_m: f64,
     stated_sigma_z_ln_sd: Option<f64>,
@@ -54,6 +57,7 @@ impl<'a> Vertical<'a> {
         let sigma_z = scenario.prior_sd(Uncertain::SigmaZScale);
         Self {
             position_sd_m: scenario.sources[0].position_sd_m,
+            gain_ln_sd: gain_ln_sd(scenario),
             initial_sigma_z_m: if has_stack {
                 0.0
             } else {

@@ -34,6 +34,10 @@ pub fn trials() -> Vec<Trial> {
             an_uncertain_position_widens_the_interval,
         ),
         trial(
+            "an_uncertain_gain_widens_the_interval",
+            an_uncertain_gain_widens_the_interval,
+        ),
+        trial(
             "clean_air_gives_an_upper_limit",
             clean_air_gives_an_upper_limit,
         ),
@@ -152,6 +156,23 @@ fn the_rate_scales_with_the_excess() {
                 );
             }
         }
+    }
+}
+
+/// Variances of independent terms add: .2² for the usual .02².
+fn an_uncertain_gain_widens_the_interval() {
+    for (method, world, record) in METHODS {
+        let log = record(1.0);
+        let of = |gain_sd: &str| {
+            let world = world.replace("[sensor]\n", &format!("[sensor]\ngain_sd = {gain_sd}\n"));
+            by(method, &world, &log).kg_s.unwrap()
+        };
+        let (usual, poor) = (of("0.02"), of("0.2"));
+        let added = poor.ln_sd().powi(2) - usual.ln_sd().powi(2);
+        assert!(
+            (added / (0.04 - 0.0004) - 1.0).abs() < 0.05,
+            "{method:?} {usual:?} {poor:?}"
+        );
     }
 }
 

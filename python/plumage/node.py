@@ -186,19 +186,8 @@ class Node:
         while time.monotonic() < end:
             asked_ns = time.monotonic_ns()
             payload, code = speaker.question()
-            # Strangers may answer as well, and first: theirs do not hold.
-            replies = self._session.get(
-                speaker.time_key,
-                payload=payload,
-                attachment=code,
-                target=zenoh.QueryTarget.ALL,
-                consolidation=zenoh.ConsolidationMode.NONE,
-                timeout=max(_AGAIN_S, end - time.monotonic()),
-            )
-            for reply in replies:
-                if reply.ok is None or reply.ok.attachment is None:
-                    continue
-                now_ns = speaker.answered(reply.ok.payload.to_bytes(), reply.ok.attachment.to_bytes())
+            for answer in self._answers(speaker.time_key, payload, end, code):
+                now_ns = speaker.answered(*answer)
                 if now_ns is not None:
                     self._begun_ns = (asked_ns + time.monotonic_ns()) // 2 - now_ns
                     return speaker
@@ -211,19 +200,21 @@ class Node:
     def _is_there(self, speaker: _plumage.Speaker, agent: str, end: float) -> bool:
         """Call an agent: anybody can show its token, and only a holder of the mission key can answer a new question."""
         key, question = speaker.call(agent)
+        return any(speaker.is_there(agent, question, *answer) for answer in self._answers(key, question, end))
+
+    def _answers(self, key: str, question: bytes, end: float, code: bytes | None = None) -> Iterator[tuple[bytes, bytes]]:
+        """Payload and code of every answer. Strangers may answer as well, and first: theirs do not hold."""
         replies = self._session.get(
             key,
             payload=question,
+            attachment=code,
             target=zenoh.QueryTarget.ALL,
             consolidation=zenoh.ConsolidationMode.NONE,
             timeout=max(_AGAIN_S, end - time.monotonic()),
         )
         for reply in replies:
-            if reply.ok is None or reply.ok.attachment is None:
-                continue
-            if speaker.is_there(agent, question, reply.ok.payload.to_bytes(), reply.ok.attachment.to_bytes()):
-                return True
-        return False
+            if reply.ok is not None and reply.ok.attachment is not None:
+                yield reply.ok.payload.to_bytes(), reply.ok.attachment.to_bytes()
 
     def _decoded(self, sample: zenoh.Sample) -> tuple[str, dict[str, Any]]:
         as_json = sample.encoding in (zenoh.Encoding.APPLICATION_JSON, zenoh.Encoding.TEXT_JSON)

@@ -93,7 +93,7 @@ def test_progress_is_told_and_others_run_meanwhile():
 
 
 def test_an_interrupt_ends_a_mission():
-    # Whoever was started in the background by a script ignores interrupts.
+    # A process that a script starts in the background ignores SIGINT.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     begun = time.monotonic()
     threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()

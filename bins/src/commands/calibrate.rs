@@ -46,7 +46,8 @@ pub fn calibrate(arguments: &CalibrateArguments) -> Result<(), Failure> {
         tasks::calibration::of(&setup, &observations, reference).map_err(mission_files::option)?;
     drop(waiting);
     if arguments.learn_noise {
-        calibration.offline.learn_noise();
+        let learned = calibration.offline.learn_noise();
+        learned.map_err(|e| mission_files::option(e.into()))?;
     }
     let offline = &calibration.offline;
     files::prepare_folder(&arguments.out, arguments.force).map_err(Failure::input)?;

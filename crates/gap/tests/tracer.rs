@@ -30,7 +30,7 @@ fn nothing_hidden_nothing_found() {
 }
 
 #[test]
-#[ignore = "second tier: more of the same"]
+#[ignore = "second tier: another seed"]
 fn nothing_hidden_nothing_found_of_another_seed() {
     nothing_is_found_for(1..2);
 }
@@ -229,7 +229,7 @@ fn a_name_holds_its_probability() {
 }
 
 #[test]
-#[ignore = "second tier: more of the same"]
+#[ignore = "second tier: another seed"]
 fn a_name_holds_its_probability_of_another_seed() {
     names_hold_their_probability_for(21..22);
 }
@@ -284,7 +284,7 @@ fn another_law_of_spread_is_no_loss() {
 }
 
 #[test]
-#[ignore = "second tier: more of the same"]
+#[ignore = "second tier: another seed"]
 fn another_law_of_spread_is_no_loss_of_another_seed() {
     another_law_of_spread_is_no_loss_for(1..2);
 }

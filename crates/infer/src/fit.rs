@@ -12,6 +12,7 @@ use crate::policy::Policy;
 use crate::rows::{ForwardModel, PlumePlace, Prediction, Rows};
 use crate::slopes::slopes;
 use nalgebra::{Cholesky, DVector};
+use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -497,13 +498,9 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         if self.fluctuation == FluctuationLaw::LogNormal {
             (point, metric) = self.settle_log_normal(point, shape, &noise, &metric.inflation)?;
             here = self.linearised(&point, shape, &metric)?;
-            let there = self.model.predict(&point.at, &self.turns(&point))?;
-            let mean = shape.growth(
-                &here.local.bumps,
-                &point,
-                &Fluctuation::none(self.rows.len()),
-            );
-            misfit = self.misfit(&there, &mean);
+            let calm = Fluctuation::none(self.rows.len());
+            let mean = shape.growth(&here.local.bumps, &point, &calm);
+            misfit = self.misfit(&here.local.tangent.here, &mean);
         }
         Ok(Fit {
             misfit,
@@ -800,15 +797,8 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
     /// What error of form and fluctuation make of the plume at every row of a fit.
     pub(crate) fn factors(&self, fit: &Fit) -> Result<Vec<f64>, InferError> {
         let active = fit.basis.weighted(&fit.point.weights);
-        let predicted;
-        let plume = match &fit.tangent {
-            Some(tangent) => &tangent.here.plume,
-            None => {
-                predicted = self.model.predict(&fit.point.at, &self.turns(&fit.point))?;
-                &predicted.plume
-            }
-        };
-        let bumps = self.bumps(&fit.point, &fit.basis, &active, plume)?;
+        let here = self.expected_of(fit)?;
+        let bumps = self.bumps(&fit.point, &fit.basis, &active, &here.plume)?;
         let growth = growth_of(&bumps, &active, &fit.point, &fit.fluctuation);
         Ok(growth.iter().map(|g| g.factor).collect())
     }
@@ -1012,6 +1002,25 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         out
     }
 
+    /// What is expected at a point, whose `tangent` may be known.
+    fn expected<'t>(
+        &self,
+        point: &Point,
+        tangent: Option<&'t Arc<Tangent>>,
+    ) -> Result<Cow<'t, Prediction>, InferError> {
+        match tangent {
+            Some(tangent) => Ok(Cow::Borrowed(&tangent.here)),
+            None => Ok(Cow::Owned(
+                self.model.predict(&point.at, &self.turns(point))?,
+            )),
+        }
+    }
+
+    /// What is expected at a fit's point.
+    pub(crate) fn expected_of<'f>(&self, fit: &'f Fit) -> Result<Cow<'f, Prediction>, InferError> {
+        self.expected(&fit.point, fit.tangent.as_ref())
+    }
+
     /// The model near a point, whose `tangent` may be known.
     fn local(
         &self,
@@ -1020,23 +1029,19 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         fluctuation: &Fluctuation,
         tangent: Option<&Arc<Tangent>>,
     ) -> Result<Local, InferError> {
-        let turns = self.turns(point);
-        let predicted;
-        let here = match tangent {
-            Some(tangent) => &tangent.here,
-            None => {
-                predicted = self.model.predict(&point.at, &turns)?;
-                &predicted
-            }
-        };
+        let here = self.expected(point, tangent)?;
         let bumps = self.bumps(point, basis, active, &here.plume)?;
         let growth = growth_of(&bumps, active, point, fluctuation);
         let tangent = match tangent {
             Some(tangent) => Arc::clone(tangent),
-            None => Arc::new(Tangent {
-                slopes: slopes(self.model, &point.at, &turns, here, |i| growth[i].factor)?,
-                here: here.clone(),
-            }),
+            None => {
+                let turns = self.turns(point);
+                let factor = |i: usize| growth[i].factor;
+                Arc::new(Tangent {
+                    slopes: slopes(self.model, &point.at, &turns, &here, factor)?,
+                    here: here.into_owned(),
+                })
+            }
         };
         let grown = tangent.here.plume.iter().zip(&growth);
         Ok(Local {

@@ -92,7 +92,7 @@ impl<M: ForwardModel> Problem<'_, M> {
 
     /// Cuts the record into passes by how far readings stand out beside a fit.
     pub(crate) fn passes(&self, fit: &Fit) -> Result<Vec<Vec<Range<usize>>>, InferError> {
-        let there = self.model.predict(&fit.point.at, &self.turns(&fit.point))?;
+        let there = self.expected_of(fit)?;
         let excess: Vec<f64> = (0..self.rows.len())
             .map(|i| (fit.misfit[i] + there.plume[i]) / fit.noise.white)
             .collect();

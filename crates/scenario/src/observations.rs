@@ -95,6 +95,15 @@ pub struct LineEnd {
 }
 
 impl ObservationRow {
+    /// Where it was read, in the frame of a site.
+    pub fn place(&self, frame: &LocalFrame) -> Place {
+        let at = Geodetic {
+            lat_deg: self.lat_deg,
+            lon_deg: self.lon_deg,
+        };
+        Place::from_geodetic(frame, at, self.alt_amsl_m)
+    }
+
     /// What its reading is the mean over, in the frame of a site.
     pub fn span(&self, frame: &LocalFrame) -> Span {
         let end = |end: LineEnd| {

@@ -3,8 +3,8 @@
 use crate::combine::agreement_p;
 use crate::tracks::{ALWAYS, Winds, mean_height_agl_m, samples, site};
 use crate::{
-    Interval, LOGGED_SPEED_LN_SD, PassFlux, PlumeFlux, SCENARIO_SPEED_LN_SD, Share, StudyError,
-    Term, budget, gain_ln_sd, network, not_calm, point, transects,
+    Interval, PassFlux, PlumeFlux, Share, StudyError, Term, budget, gain_ln_sd, network, not_calm,
+    point, transects,
 };
 use plume::Gas;
 use plume::curtain::{Curtain, Pass, RejectedPass, curtain, passes};
@@ -305,11 +305,6 @@ fn by_curtain(scenario: &Scenario, observations: &Observations) -> Result<Source
     };
     let heights_agl_m = found.used.iter().map(|(pass, _)| pass.height_agl_m);
     let there = winds.at(heights_agl_m.sum::<f64>() / found.used.len() as f64, ALWAYS);
-    let speed_ln_sd = if there.is_logged {
-        LOGGED_SPEED_LN_SD
-    } else {
-        SCENARIO_SPEED_LN_SD
-    };
     let flux = found.flux;
     let passes_variance = (flux.sd_kg_s / flux.kg_s).powi(2).ln_1p();
     let edges = EDGE_SD * found.above_kg_s.hypot(found.below_kg_s) / flux.kg_s;
@@ -317,7 +312,7 @@ fn by_curtain(scenario: &Scenario, observations: &Observations) -> Result<Source
     let terms = [
         (Term::Turbulence, passes_variance - edge_variance),
         (Term::Height, edge_variance),
-        (Term::WindSpeed, speed_ln_sd.powi(2)),
+        (Term::WindSpeed, there.speed_ln_sd().powi(2)),
         (Term::Sensor, gain_ln_sd(scenario).powi(2)),
     ];
     let ln_sd = terms.iter().map(|t| t.1).sum::<f64>().sqrt();
@@ -357,20 +352,10 @@ fn of_curtain(found: &Curtain, passes: &[Pass], rejected: &[RejectedPass]) -> Ve
         let own = found.used.iter().find(|(p, _)| p.time_s == pass.time_s);
         own.map(|(_, kg_s)| *kg_s)
     };
-    let mut out: Vec<PassFlux> = passes
-        .iter()
-        .map(|pass| PassFlux {
-            from_s: pass.time_s[0],
-            to_s: pass.time_s[1],
-            kg_s: used(pass),
-            distance_m: pass.distance_m,
-            used: used(pass).is_some(),
-            reason: used(pass)
-                .is_none()
-                .then(|| "at another distance, or its ends do not enclose the plume".to_owned()),
-        })
-        .collect();
-    out.extend(PassFlux::rejected(rejected));
-    out.sort_by(|a, b| a.from_s.total_cmp(&b.from_s));
-    out
+    let of = |pass: &Pass| {
+        let kg_s = used(pass);
+        let unused = "at another distance, or its ends do not enclose the plume";
+        PassFlux::of(pass, kg_s, kg_s.is_none().then_some(unused))
+    };
+    PassFlux::in_order(passes.iter().map(of), rejected)
 }

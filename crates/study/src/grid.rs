@@ -32,7 +32,7 @@ pub(crate) fn variance(values: &[(f64, f64)]) -> f64 {
 }
 
 /// Variance of the means of groups of (group, sum, weight).
-pub(crate) fn explained(parts: &[(f64, f64, f64)]) -> f64 {
+fn explained(parts: &[(f64, f64, f64)]) -> f64 {
     let mut groups: Vec<(f64, f64, f64)> = Vec::new();
     for &(key, sum, weight) in parts {
         match groups.iter_mut().find(|g| g.0 == key) {
@@ -46,6 +46,58 @@ pub(crate) fn explained(parts: &[(f64, f64, f64)]) -> f64 {
         .map(|g| (g.1 / g.2, g.2))
         .collect();
     variance(&means)
+}
+
+/// A quantity on a grid, summed over cells of N other unknowns.
+pub(crate) struct Summed<const N: usize> {
+    /// Values with their weights.
+    pub values: Vec<(f64, f64)>,
+    /// Variance of the values that each unknown explains.
+    pub explained: [f64; N],
+    /// The unknowns of each cell with its weight.
+    pub cells: Vec<([f64; N], f64)>,
+}
+
+impl<const N: usize> Summed<N> {
+    /// Sums over cells, each with the logarithms of the weights of all `values` in it.
+    pub fn of(values: &[f64], cells: &[([f64; N], Vec<f64>)]) -> Self {
+        let ln = cells.iter().flat_map(|(_, ln)| ln);
+        let top = ln.fold(f64::NEG_INFINITY, |a, b| a.max(*b));
+        let mut summed: Vec<(f64, f64)> = values.iter().map(|v| (*v, 0.0)).collect();
+        let mut parts: [Vec<(f64, f64, f64)>; N] = std::array::from_fn(|_| Vec::new());
+        let mut weights = Vec::with_capacity(cells.len());
+        for (at, ln) in cells {
+            let (mut weight, mut sum) = (0.0, 0.0);
+            for (slot, l) in summed.iter_mut().zip(ln) {
+                let w = (l - top).exp();
+                slot.1 += w;
+                weight += w;
+                sum += w * slot.0;
+            }
+            for (parts, unknown) in parts.iter_mut().zip(at) {
+                parts.push((*unknown, sum, weight));
+            }
+            weights.push((*at, weight));
+        }
+        Self {
+            values: summed,
+            explained: parts.map(|p| explained(&p)),
+            cells: weights,
+        }
+    }
+
+    /// One unknown, times `scale`, with its weights.
+    pub fn unknown(&self, k: usize, scale: f64) -> Vec<(f64, f64)> {
+        self.cells
+            .iter()
+            .map(|(at, w)| (scale * at[k], *w))
+            .collect()
+    }
+
+    /// Variance of the values that no unknown explains.
+    pub fn rest_variance(&self) -> f64 {
+        (variance(&self.values) - self.explained.iter().sum::<f64>()).max(0.0)
+    }
 }
 
 /// The value below which `part` of the weight of values on a grid lies.

@@ -30,17 +30,14 @@ pub mod units;
 mod vertical;
 mod wander;
 
-use plume::curtain::{BETWEEN_PASSES_S, RejectedPass};
+pub use tracks::{samples, site};
+
+use plume::curtain::{BETWEEN_PASSES_S, Pass, RejectedPass};
 
 /// Standard deviation of ln wind speed: a calibrated anemometer, carried from its height to the plume's.
-pub(crate) const LOGGED_SPEED_LN_SD: f64 = 0.05;
+pub const LOGGED_SPEED_LN_SD: f64 = 0.05;
 /// Standard deviation of ln wind speed where no row carries a wind of its own.
-pub(crate) const SCENARIO_SPEED_LN_SD: f64 = 0.15;
-/// Standard deviation of ln gain of the sensor that reads the scenario's gas.
-pub(crate) fn gain_ln_sd(scenario: &scenario::Scenario) -> f64 {
-    let sensor = scenario.sensor();
-    sensor.gain_sd / sensor.gain
-}
+pub const SCENARIO_SPEED_LN_SD: f64 = 0.15;
 /// A wind below this mean speed, m/s, carries no plume in one direction: the threshold of calms for dispersion models (US EPA
 /// 2000, EPA-454/R-99-005).
 const CALM_M_S: f64 = 0.5;
@@ -174,9 +171,24 @@ pub struct PassFlux {
 }
 
 impl PassFlux {
-    /// Ways across the wind that are no passes, but for pieces of turns.
-    pub(crate) fn rejected(passes: &[RejectedPass]) -> impl Iterator<Item = Self> {
-        passes
+    /// A pass with its own rate; with a reason it is not used.
+    pub(crate) fn of(pass: &Pass, kg_s: Option<f64>, reason: Option<&str>) -> Self {
+        Self {
+            from_s: pass.time_s[0],
+            to_s: pass.time_s[1],
+            kg_s,
+            distance_m: pass.distance_m,
+            used: reason.is_none(),
+            reason: reason.map(str::to_owned),
+        }
+    }
+
+    /// Passes and ways across the wind that are no passes, but for pieces of turns, in order of time.
+    pub(crate) fn in_order(
+        passes: impl Iterator<Item = Self>,
+        rejected: &[RejectedPass],
+    ) -> Vec<Self> {
+        let rejected = rejected
             .iter()
             .filter(|p| p.time_s[1] - p.time_s[0] >= BETWEEN_PASSES_S)
             .map(|pass| Self {
@@ -186,8 +198,17 @@ impl PassFlux {
                 distance_m: pass.distance_m,
                 used: false,
                 reason: Some(pass.reason.to_owned()),
-            })
+            });
+        let mut all: Vec<Self> = passes.chain(rejected).collect();
+        all.sort_by(|a, b| a.from_s.total_cmp(&b.from_s));
+        all
     }
+}
+
+/// Standard deviation of ln gain of the sensor that reads the scenario's gas.
+pub(crate) fn gain_ln_sd(scenario: &scenario::Scenario) -> f64 {
+    let sensor = scenario.sensor();
+    sensor.gain_sd / sensor.gain
 }
 
 /// Refuses a mean wind that carries no plume.

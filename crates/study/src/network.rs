@@ -5,7 +5,7 @@
 //! own, since a Gaussian plume predicts no single place better. The posterior of the rate is computed on a grid.
 
 use crate::clean_air::{Excess, of_network};
-use crate::grid::{explained, interval, mean, normal_grid, variance};
+use crate::grid::{Summed, interval, mean, normal_grid, variance};
 use crate::point::upper_limit_kg_s;
 use crate::position;
 use crate::profile::{DIRECTION_SD_DEG, PROFILE_FLOOR, Shape, moment};
@@ -318,36 +318,16 @@ impl Posterior {
     }
 
     fn summed(rates: &[f64], cells: &[([f64; 4], Vec<f64>)]) -> Self {
-        let top = cells
-            .iter()
-            .flat_map(|(_, ln)| ln)
-            .fold(f64::NEG_INFINITY, |a, b| a.max(*b));
-        let mut ln_rate: Vec<(f64, f64)> = rates.iter().map(|r| (*r, 0.0)).collect();
-        let mut by: [Vec<(f64, f64, f64)>; 4] = Default::default();
-        let mut directions = Vec::new();
-        for (at, ln) in cells {
-            let (mut weight, mut sum) = (0.0, 0.0);
-            for (slot, l) in ln_rate.iter_mut().zip(ln) {
-                let w = (l - top).exp();
-                slot.1 += w;
-                weight += w;
-                sum += w * slot.0;
-            }
-            for (parts, value) in by.iter_mut().zip(at) {
-                parts.push((*value, sum, weight));
-            }
-            directions.push((DIRECTION_SD_DEG * at[0], weight));
-        }
-        let [direction_variance, width, sigma_z, height_variance] = by.map(|p| explained(&p));
-        let dispersion_variance = width + sigma_z;
-        let told = direction_variance + dispersion_variance + height_variance;
+        let summed = Summed::of(rates, cells);
+        let directions = summed.unknown(0, DIRECTION_SD_DEG);
+        let [direction_variance, width, sigma_z, height_variance] = summed.explained;
         Self {
-            rest_variance: (variance(&ln_rate) - told).max(0.0),
-            ln_rate,
+            rest_variance: summed.rest_variance(),
+            ln_rate: summed.values,
             direction_deg: mean(&directions),
             direction_sd_deg: variance(&directions).sqrt(),
             direction_variance,
-            dispersion_variance,
+            dispersion_variance: width + sigma_z,
             height_variance,
         }
     }

@@ -11,7 +11,7 @@
 //! the same on every machine and needs no start value; the emission that the scenario states plays no part.
 
 use crate::clean_air::Excess;
-use crate::grid::{explained, interval, mean, normal_grid, variance};
+use crate::grid::{Summed, interval, mean, normal_grid, variance};
 use crate::position;
 use crate::profile::{DIRECTION_SD_DEG, PROFILE_FLOOR, Shape, moment};
 use crate::sectors::{
@@ -173,52 +173,26 @@ impl Profile {
             })
             .collect();
         let floor = PROFILE_FLOOR * highest(sectors);
-        let mut ln = Vec::new();
+        let mut cells = Vec::new();
         for (direction, by_direction) in normal_grid(GRID_STEPS) {
             for (width, by_width) in normal_grid(GRID_STEPS) {
                 let shape = Shape::new(spec, place, [direction, width]);
                 let beforehand = (by_direction * by_width).ln();
                 let of_area = |ln_area: &f64| shape.ln_likelihood(sectors, ln_area.exp(), floor);
                 let row: Vec<f64> = grid.iter().map(|a| beforehand + of_area(a)).collect();
-                ln.push((direction, width, row));
+                cells.push(([direction, width], row));
             }
         }
-        Self::summed(&grid, &ln)
-    }
-
-    /// Sums over direction and width, and parts the variance of ln area.
-    fn summed(grid: &[f64], ln: &[(f64, f64, Vec<f64>)]) -> Self {
-        let top = ln
-            .iter()
-            .flat_map(|(_, _, row)| row)
-            .fold(f64::NEG_INFINITY, |a, b| a.max(*b));
-        let mut ln_area: Vec<(f64, f64)> = grid.iter().map(|a| (*a, 0.0)).collect();
-        let (mut by_direction, mut by_width) = (Vec::new(), Vec::new());
-        let mut directions = Vec::new();
-        for (direction, width, row) in ln {
-            let (mut weight, mut sum) = (0.0, 0.0);
-            for (slot, l) in ln_area.iter_mut().zip(row) {
-                let w = (l - top).exp();
-                slot.1 += w;
-                weight += w;
-                sum += w * slot.0;
-            }
-            if weight > 0.0 {
-                by_direction.push((*direction, sum, weight));
-                by_width.push((*width, sum, weight));
-                directions.push((DIRECTION_SD_DEG * direction, weight));
-            }
-        }
-        let whole = variance(&ln_area);
-        let direction_variance = explained(&by_direction);
-        let width_variance = explained(&by_width);
+        let summed = Summed::of(&grid, &cells);
+        let directions = summed.unknown(0, DIRECTION_SD_DEG);
+        let [direction_variance, width_variance] = summed.explained;
         Self {
-            ln_area,
+            turbulence_variance: summed.rest_variance(),
+            ln_area: summed.values,
             direction_deg: mean(&directions),
             direction_sd_deg: variance(&directions).sqrt(),
             direction_variance,
             width_variance,
-            turbulence_variance: (whole - direction_variance - width_variance).max(0.0),
         }
     }
 }

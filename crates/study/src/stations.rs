@@ -1,7 +1,7 @@
 //! Sensors at rest: where they stand, what they read, and the wind that blew meanwhile.
 
 use crate::{StudyError, not_calm};
-use air::geo::{Enu, Geodetic, LocalFrame, wrap_signed_deg};
+use air::geo::{Enu, LocalFrame, wrap_signed_deg};
 use plume::{DispersionSpec, Place};
 use scenario::observations::{ObservationRow, Observations};
 use std::collections::BTreeMap;
@@ -62,7 +62,7 @@ pub(crate) fn stations(
         let (mut places, mut readings) = (Vec::new(), Vec::new());
         for (row, ppm) in own {
             read += 1;
-            places.push(place(frame, row));
+            places.push(row.place(frame));
             let Some((speed_m_s, from_deg)) = logged(row).or_else(|| near(&winds, row.time_s))
             else {
                 continue;
@@ -100,14 +100,6 @@ pub(crate) fn stations(
     let speeds = out.iter().flat_map(|s| &s.readings).map(|r| r.speed_m_s);
     not_calm(speeds.sum::<f64>() / with_wind as f64)?;
     Ok(out)
-}
-
-fn place(frame: &LocalFrame, row: &ObservationRow) -> Place {
-    let at = Geodetic {
-        lat_deg: row.lat_deg,
-        lon_deg: row.lon_deg,
-    };
-    Place::from_geodetic(frame, at, row.alt_amsl_m)
 }
 
 fn logged(row: &ObservationRow) -> Option<(f64, f64)> {

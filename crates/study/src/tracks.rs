@@ -1,9 +1,10 @@
 //! Readings along the ways of platforms that move, and the wind that blew meanwhile.
 
-use air::geo::{Geodetic, LocalFrame};
+use crate::{LOGGED_SPEED_LN_SD, SCENARIO_SPEED_LN_SD};
+use air::geo::LocalFrame;
 use air::wind::WindVector;
+use plume::DispersionSpec;
 use plume::curtain::{Sample, Site};
-use plume::{DispersionSpec, Place};
 use scenario::Scenario;
 use scenario::observations::{ObservationRow, Observations};
 
@@ -15,7 +16,7 @@ const SAME_LAYER: f64 = 2.0;
 const LEAST_HEIGHT_M: f64 = 1.0;
 
 /// The site of the first source.
-pub(crate) fn site(spec: &DispersionSpec) -> Site {
+pub fn site(spec: &DispersionSpec) -> Site {
     Site {
         source: spec.sources[0].place,
         ground_amsl_m: spec.ground_amsl_m,
@@ -24,22 +25,14 @@ pub(crate) fn site(spec: &DispersionSpec) -> Site {
     }
 }
 
-fn place(frame: &LocalFrame, row: &ObservationRow) -> Place {
-    let at = Geodetic {
-        lat_deg: row.lat_deg,
-        lon_deg: row.lon_deg,
-    };
-    Place::from_geodetic(frame, at, row.alt_amsl_m)
-}
-
 /// Readings of moments at points, platform by platform in order of time.
-pub(crate) fn samples(frame: &LocalFrame, observations: &Observations) -> Vec<Sample> {
+pub fn samples(frame: &LocalFrame, observations: &Observations) -> Vec<Sample> {
     let sample = |row: &ObservationRow| {
         let of_a_place = row.averaging_s.is_none() && row.line_end.is_none();
         row.co2_ppm.filter(|_| of_a_place).map(|ppm| Sample {
             platform: row.platform,
             time_s: row.time_s,
-            place: place(frame, row),
+            place: row.place(frame),
             ppm,
         })
     };
@@ -64,6 +57,17 @@ pub(crate) struct MeanWind {
     pub is_logged: bool,
 }
 
+impl MeanWind {
+    /// Standard deviation of ln of its speed.
+    pub fn speed_ln_sd(self) -> f64 {
+        if self.is_logged {
+            LOGGED_SPEED_LN_SD
+        } else {
+            SCENARIO_SPEED_LN_SD
+        }
+    }
+}
+
 /// The winds that were logged, each at the height of its row.
 pub(crate) struct Winds<'a> {
     spec: &'a DispersionSpec,
@@ -84,7 +88,7 @@ impl<'a> Winds<'a> {
         let wind = |row: &ObservationRow| {
             let wind =
                 WindVector::from_speed_and_direction(row.wind_speed_m_s?, row.wind_from_deg?);
-            Some((row.time_s, place(frame, row).height_agl_m, wind))
+            Some((row.time_s, row.place(frame).height_agl_m, wind))
         };
         Self {
             spec,

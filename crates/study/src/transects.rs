@@ -6,16 +6,13 @@
 //! only tells which ways lie across it. Rate, σz and height of the plume are common to all passes, and the plume's axis
 //! wanders up and down meanwhile (`wander.rs`). The posterior of the rate is computed on a grid.
 
-use crate::grid::{explained, interval, mean, normal_grid, variance, weighted_quantile};
+use crate::grid::{Summed, interval, mean, normal_grid, weighted_quantile};
 use crate::position;
 use crate::profile::DIRECTION_SD_DEG;
 use crate::tracks::{ALWAYS, MeanWind, Winds, mean_height_agl_m, samples, site};
 use crate::vertical::{MeanPlume, Vertical};
 use crate::wander::{Crossing, Wander};
-use crate::{
-    LOGGED_SPEED_LN_SD, PassFlux, PlumeFlux, SCENARIO_SPEED_LN_SD, StudyError, Term, budget,
-    not_calm,
-};
+use crate::{PassFlux, PlumeFlux, StudyError, Term, budget, not_calm};
 use air::geo::{Enu, wrap_signed_deg};
 use air::wind::WindVector;
 use plume::curtain::{Pass, RejectedPass, Sample, covering, passes};
@@ -189,11 +186,6 @@ impl Transects<'_> {
             out.notes.push("the plume was not met".into());
             return out;
         }
-        let speed_ln_sd = if there.is_logged {
-            LOGGED_SPEED_LN_SD
-        } else {
-            SCENARIO_SPEED_LN_SD
-        };
         let position_sd_m = self.vertical.position_sd_m;
         let position = position::variance(position_sd_m, out.distance_m, &|displaced| {
             mean(&self.posterior(used, displaced).ln_rate)
@@ -203,10 +195,11 @@ impl Transects<'_> {
             (Term::Dispersion, posterior.sigma_z_variance),
             (Term::Height, posterior.height_variance),
             (Term::SourcePosition, position),
-            (Term::WindSpeed, speed_ln_sd.powi(2)),
+            (Term::WindSpeed, there.speed_ln_sd().powi(2)),
             (Term::Sensor, self.vertical.gain_ln_sd.powi(2)),
         ]);
-        let extra_sd = speed_ln_sd
+        let extra_sd = there
+            .speed_ln_sd()
             .hypot(self.vertical.gain_ln_sd)
             .hypot(position.sqrt());
         let rate = interval(posterior.ln_rate, extra_sd);
@@ -253,20 +246,11 @@ impl Transects<'_> {
     /// All passes in order of time.
     fn listed(&self, passes: &[Pass], used: &[&Pass], rejected: &[RejectedPass]) -> Vec<PassFlux> {
         let is_used = |pass: &Pass| used.iter().any(|u| std::ptr::eq(*u, pass));
-        let mut out: Vec<PassFlux> = passes
-            .iter()
-            .map(|pass| PassFlux {
-                from_s: pass.time_s[0],
-                to_s: pass.time_s[1],
-                kg_s: self.own_kg_s(pass),
-                distance_m: pass.distance_m,
-                used: is_used(pass),
-                reason: (!is_used(pass)).then(|| "does not cross the whole plume".to_owned()),
-            })
-            .collect();
-        out.extend(PassFlux::rejected(rejected));
-        out.sort_by(|a, b| a.from_s.total_cmp(&b.from_s));
-        out
+        let of = |pass: &Pass| {
+            let unused = (!is_used(pass)).then_some("does not cross the whole plume");
+            PassFlux::of(pass, self.own_kg_s(pass), unused)
+        };
+        PassFlux::in_order(passes.iter().map(of), rejected)
     }
 }
 
@@ -295,29 +279,11 @@ struct Posterior {
 
 impl Posterior {
     fn summed(rates: &[f64], cells: &[([f64; 2], Vec<f64>)]) -> Self {
-        let top = cells
-            .iter()
-            .flat_map(|(_, ln)| ln)
-            .fold(f64::NEG_INFINITY, |a, b| a.max(*b));
-        let mut ln_rate: Vec<(f64, f64)> = rates.iter().map(|r| (*r, 0.0)).collect();
-        let mut by: [Vec<(f64, f64, f64)>; 2] = Default::default();
-        for (at, ln) in cells {
-            let (mut weight, mut sum) = (0.0, 0.0);
-            for (slot, l) in ln_rate.iter_mut().zip(ln) {
-                let w = (l - top).exp();
-                slot.1 += w;
-                weight += w;
-                sum += w * slot.0;
-            }
-            for (parts, value) in by.iter_mut().zip(at) {
-                parts.push((*value, sum, weight));
-            }
-        }
-        let [sigma_z_variance, height_variance] = by.map(|p| explained(&p));
-        let told = sigma_z_variance + height_variance;
+        let summed = Summed::of(rates, cells);
+        let [sigma_z_variance, height_variance] = summed.explained;
         Self {
-            turbulence_variance: (variance(&ln_rate) - told).max(0.0),
-            ln_rate,
+            turbulence_variance: summed.rest_variance(),
+            ln_rate: summed.values,
             sigma_z_variance,
             height_variance,
         }

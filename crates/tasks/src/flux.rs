@@ -22,8 +22,6 @@ pub use sheet::Sheet;
 
 /// Name and version of the document.
 pub const SCHEMA: &str = "plumage.flux/1";
-/// Standard deviation of ln wind speed of a fit where the scenario states none, as of a forecast or a distant mast.
-const SPEED_LN_SD: f64 = 0.15;
 /// Standard deviation of the stated emission in a fit, as a part of it: about nothing is known beforehand.
 const STRENGTH_SD: f64 = 3.0;
 /// A fit is repeated with a stated emission that is so many times as large.
@@ -334,9 +332,9 @@ fn speed_ln_sd(setup: &Setup, observations: &Observations) -> f64 {
     let stated = scenario.prior_sd(scenario::uncertain::Uncertain::WindSpeed);
     let stated = stated.map(|sd| sd / scenario.weather.wind_speed_m_s);
     match (stated, logged_wind(observations)) {
-        (_, Some(_)) => 0.05,
+        (_, Some(_)) => study::LOGGED_SPEED_LN_SD,
         (Some(stated), None) => stated,
-        (None, None) => SPEED_LN_SD,
+        (None, None) => study::SCENARIO_SPEED_LN_SD,
     }
 }
 

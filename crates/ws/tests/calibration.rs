@@ -501,7 +501,7 @@ fn clean_air_teaches_the_noise_of_a_sensor() {
     let scenario = Scenario::parse("s.toml", SCENARIO).unwrap();
     let rows = scenario::observations::parse(&[("o.csv", &text)], scenario.gas()).unwrap();
     let mut found = ws::calibration::offline::calibrate(&scenario, &rows, None).unwrap();
-    found.learn_noise();
+    found.learn_noise().unwrap();
     let text = found.scenario.to_toml();
     let learned = Scenario::parse("learned.toml", &text).unwrap();
     let sensor = learned.sensor();

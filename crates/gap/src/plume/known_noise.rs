@@ -1,5 +1,5 @@
-//! What a scenario knows of the noise of its sensor: sizes that were learned from clean air, or from earlier records of
-//! the same instrument. Most of what readings tell of a cause is lost where these are guessed anew for each record.
+//! The noise of the sensor as the scenario states it: sizes learned from clean air, or from earlier records of the same
+//! instrument. If each record has to estimate them again, most of the evidence for a cause is lost.
 
 use infer::Policy;
 use scenario::tables::SensorTable;

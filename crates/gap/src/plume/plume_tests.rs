@@ -44,7 +44,7 @@ fn nothing_hidden_is_none() {
 }
 
 #[test]
-#[ignore = "second tier: more of the same"]
+#[ignore = "second tier: another seed"]
 fn nothing_hidden_is_none_of_other_seeds() {
     for seed in 1..=2 {
         assert_nothing_found(&run(&observe(&[], seed)));

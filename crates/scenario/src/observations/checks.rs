@@ -5,8 +5,8 @@
 //! what is flawed is missing: a value without its cell, a place without its row. No tolerance is in
 //! ppm; all follow the readings' own spread, the scenario's background and its sensor's noise.
 
-use air::geo::{Geodetic, LocalFrame};
-use plume::{DispersionSpec, Place};
+use air::geo::LocalFrame;
+use plume::DispersionSpec;
 
 use super::{DataQuality, ExtraColumn, Flaw, ObservationRow, Observations};
 
@@ -154,14 +154,6 @@ impl OfPlatform<'_> {
         let read = |i: &usize| self.log.rows[*i].co2_ppm.map(|c| (*i, c));
         self.at.iter().filter_map(read).unzip()
     }
-}
-
-fn place(row: &ObservationRow, frame: &LocalFrame) -> Place {
-    let at = Geodetic {
-        lat_deg: row.lat_deg,
-        lon_deg: row.lon_deg,
-    };
-    Place::from_geodetic(frame, at, row.alt_amsl_m)
 }
 
 /// The value that a `part` of `values` does not exceed; sorts them.

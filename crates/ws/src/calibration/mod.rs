@@ -22,7 +22,7 @@ pub use parameters::Calibrated;
 pub use peak::READ_SD;
 
 use crate::WsError;
-use air::geo::{Enu, Geodetic};
+use air::geo::Enu;
 use air::wind::WindVector;
 use gap::plume::{Averaging, Carried, PlumeModel, ROWS_OF_A_SEARCH, Records, Setup, plume_place};
 use infer::{InferError, LearnedNoise, PlumePlace, Posterior, Problem};
@@ -30,7 +30,7 @@ use meander::{Line, Meander};
 use nalgebra::{DMatrix, DVector};
 use parameters::Unknowns;
 use peak::AtCrossing;
-use plume::curtain::{Sample, Site, mass_balance};
+use plume::curtain::mass_balance;
 use plume::stability::Stability;
 use plume::{DispersionModel, DispersionSpec, MechanismId, Place};
 use protocol::message::{Estimate, Flux};
@@ -79,8 +79,6 @@ pub struct Calibrator {
     /// Rows that there were at the last fit.
     fitted_rows: usize,
     posterior: Option<Posterior>,
-    /// What all readings tell of the noise, once they are concluded.
-    learned_noise: Option<LearnedNoise>,
     /// What of a logged wind carries the plume; none without a log.
     carried: Option<Carried>,
     /// Direction from which the logged wind blew where the plume was met, degrees; none without a log.
@@ -126,7 +124,6 @@ impl Calibrator {
             taken: 0,
             fitted_rows: 0,
             posterior: None,
-            learned_noise: None,
             carried: None,
             logged_from_deg: None,
             concludes: false,
@@ -396,18 +393,26 @@ impl Calibrator {
             .has_logged_wind()
             .then(|| records.met_from_deg(&track, self.predicted.plume()));
         self.fitted_rows = self.row_count();
-        if self.concludes {
-            self.learned_noise = Some(problem.learned_noise(posterior.fit()));
-        }
         self.posterior = Some(posterior);
         self.turn = self.mean_turn();
         self.in_the_mean = self.averaged();
         Ok(())
     }
 
-    /// What all readings tell of the noise; none before they are concluded.
-    pub fn learned_noise(&self) -> Option<LearnedNoise> {
-        self.learned_noise
+    /// What all readings tell of the noise, once they are concluded; none without a fit.
+    ///
+    /// # Errors
+    /// A base that the plume model refuses.
+    pub fn learned_noise(&mut self) -> Result<Option<LearnedNoise>, WsError> {
+        let Some(records) = self.records(false)? else {
+            return Ok(None);
+        };
+        let setup = records.setup();
+        let [_, track] = records.tracks(setup, self.carried);
+        let model = records.model(setup, &track);
+        let problem = records.problem(&model, records.rows(), &[]);
+        let fit = self.posterior.as_ref().map(Posterior::fit);
+        Ok(fit.map(|fit| problem.learned_noise(fit)))
     }
 
     /// Direction from which the logged wind blew where the plume was met, degrees: what a turn that was found against
@@ -617,42 +622,14 @@ impl Calibrator {
     /// balance of mass of the passes that were flown, whatever the model; none where no curtain was flown.
     pub fn curtain_flux(&self, wind_m_s: Estimate) -> Option<(String, Estimate)> {
         let base = &self.base;
-        let first = base.sources.first()?;
-        let site = Site {
-            source: first.place,
-            ground_amsl_m: base.ground_amsl_m,
-            gas: first.gas,
-            atmosphere: base.atmosphere,
-        };
-        let frame = &self.setup.frame;
-        let sample = |r: &ObservationRow| {
-            let at = Geodetic {
-                lat_deg: r.lat_deg,
-                lon_deg: r.lon_deg,
-            };
-            Some(Sample {
-                platform: r.platform,
-                time_s: r.time_s,
-                place: Place::from_geodetic(frame, at, r.alt_amsl_m),
-                ppm: r.co2_ppm?,
-            })
-        };
-        // A curtain is flown: means over a time or a line are of no one place.
-        let rows = self.observations.rows.iter();
-        let of_places = rows.filter(|r| r.averaging_s.is_none() && r.line_end.is_none());
-        let mut samples: Vec<Sample> = of_places.filter_map(sample).collect();
-        samples.sort_by(|a, b| {
-            (a.platform, a.time_s)
-                .partial_cmp(&(b.platform, b.time_s))
-                .unwrap_or(std::cmp::Ordering::Equal)
-        });
+        let samples = study::samples(&self.setup.frame, &self.observations);
         let reference = base.wind.turned(self.turn_deg());
         let faster = wind_m_s.value / reference.reference_speed_m_s();
         let wind = |height_agl_m: f64| {
             let speed = faster * reference.speed_at_m_s(height_agl_m);
             WindVector::from_speed_and_direction(speed, reference.from_deg())
         };
-        let found = mass_balance(&samples, &site, &wind)?;
+        let found = mass_balance(&samples, &study::site(base), &wind)?;
         let names = self.unknowns.source_names(base, &self.in_the_mean.0);
         let relative_sd = (found.sd_kg_s / found.kg_s).hypot(wind_m_s.sd / wind_m_s.value);
         let kg_s = Estimate {

@@ -130,9 +130,12 @@ impl OfflineCalibration {
     }
 
     /// Lets the scenario's sensor have the noise that these readings showed, as what is known of it with the next.
-    pub fn learn_noise(&mut self) {
-        let Some(learned) = self.calibrator.learned_noise() else {
-            return;
+    ///
+    /// # Errors
+    /// A base that the plume model refuses.
+    pub fn learn_noise(&mut self) -> Result<(), WsError> {
+        let Some(learned) = self.calibrator.learned_noise()? else {
+            return Ok(());
         };
         let [white_within, slow_within, slow_time_within, ..] = learned.ln_sd.map(f64::exp);
         let sensor = self.scenario.sensor_mut();
@@ -142,6 +145,7 @@ impl OfflineCalibration {
         sensor.slow_sd_ppm_known_within = Some(slow_within);
         sensor.slow_time_s = Some(learned.noise.slow_s);
         sensor.slow_time_s_known_within = Some(slow_time_within);
+        Ok(())
     }
 }
 

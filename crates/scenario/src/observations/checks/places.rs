@@ -3,7 +3,7 @@
 use air::geo::LocalFrame;
 use plume::{DispersionSpec, Place};
 
-use super::{Flaw, OfPlatform, middle, place, quantile};
+use super::{Flaw, OfPlatform, middle, quantile};
 
 /// Rows farther than this from the first source cannot belong to the scenario, m; nor heights above
 /// ground outside of these, m.
@@ -46,7 +46,7 @@ impl OfPlatform<'_> {
     fn far(&mut self, base: &DispersionSpec, frame: &LocalFrame) {
         let source = base.sources[0].place;
         let elsewhere = |i: &usize| {
-            let p = place(&self.log.rows[*i], frame);
+            let p = self.log.rows[*i].place(frame);
             let away_m = (p.east_m - source.east_m).hypot(p.north_m - source.north_m);
             // Not a number, too.
             let near = away_m <= FARTHEST_M;
@@ -83,7 +83,7 @@ impl OfPlatform<'_> {
 
     /// Heights below the ground.
     fn underground(&mut self, base: &DispersionSpec, frame: &LocalFrame) {
-        let height_m = |i: &usize| place(&self.log.rows[*i], frame).height_agl_m;
+        let height_m = |i: &usize| self.log.rows[*i].place(frame).height_agl_m;
         let mut heights: Vec<f64> = self.at.iter().map(height_m).collect();
         let height_m = middle(&mut heights).unwrap_or(0.0);
         if height_m < -UNDERGROUND_M {
@@ -149,7 +149,7 @@ impl OfPlatform<'_> {
         let mut fixes: Vec<Fix> = Vec::new();
         for (k, i) in self.at.iter().enumerate() {
             let row = &self.log.rows[*i];
-            let place = place(row, frame);
+            let place = row.place(frame);
             match fixes.last_mut() {
                 Some(last) if last.place == place => last.rows.end = k + 1,
                 _ => fixes.push(Fix {

@@ -8,7 +8,7 @@ use plume::track::{Row, Track};
 use plume::{DispersionModel, DispersionSpec};
 
 use super::super::{DataQuality, Flaw, Observations};
-use super::{place, quantile};
+use super::quantile;
 
 /// Correlation of readings with what is predicted of them from which on they follow it, and what it is
 /// above that of another prediction when only one of the two is followed.
@@ -96,7 +96,7 @@ fn rows(observations: &Observations, frame: &LocalFrame) -> (Vec<Row>, Vec<f64>)
             rows.push(Row {
                 platform,
                 time_s: row.time_s,
-                place: place(row, frame),
+                place: row.place(frame),
                 wind,
                 air: SensorAir::UNKNOWN,
             });

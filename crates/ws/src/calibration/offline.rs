@@ -22,7 +22,7 @@ pub struct OfflineCalibration {
     pub calibrated: Calibrated,
     /// The calibrator, to ask for further parameters.
     pub calibrator: Calibrator,
-    /// The rate of the source, kg/s, where sensors that all stand still tell it.
+    /// The rate of the source, kg/s, where sensors that all stand still tell it and the scenario states an emission.
     pub rate_at_rest: Option<Interval>,
     /// What was wrong with the raw observations and was left out.
     pub data_quality: Vec<DataQuality>,
@@ -75,8 +75,9 @@ pub fn calibrate_in(
         calibrator.set_wind_from(from_deg);
     }
     let mut calibrated = calibrator.calibrated();
-    let rate_at_rest = rate_at_rest(scenario, observations);
+    // A strength that is stated otherwise is the fit's.
     let stated_kg_s = stated.value(Uncertain::Emission);
+    let rate_at_rest = stated_kg_s.and_then(|_| rate_at_rest(scenario, observations));
     if let Some((rate, stated_kg_s)) = rate_at_rest.zip(stated_kg_s) {
         let factor = scaled(rate, rate.value / stated_kg_s);
         let ratio = factor.value / calibrated.strength_factor.value;

@@ -83,8 +83,15 @@ impl Role {
         let own = |text: &[&str]| text.iter().map(ToString::to_string).collect();
         match self {
             // With the conductor of a mission in lockstep.
-            Self::Sc => own(&["sc/main/**", "va/*/setpoint", "clock/main/**"]),
-            Self::Ws => own(&["ws/main/**", "clock/main/done/ws/main"]),
+            Self::Sc => own(&[
+                "sc/main/event",
+                "sc/main/observation",
+                "sc/main/plan",
+                "sc/main/population",
+                "va/*/setpoint",
+                "clock/main/**",
+            ]),
+            Self::Ws => own(&["ws/main/**", "sc/main/extension", "clock/main/done/ws/main"]),
             Self::Va(id) => {
                 let id = id.as_ref().map_or("*", Name::as_str);
                 let topics = [
@@ -338,6 +345,7 @@ mod tests {
             Topic::Destination(id.clone()),
             Topic::Ambient(id),
             Topic::Plan,
+            Topic::Extension,
             Topic::Model,
             Topic::Event(AgentId::ws()),
         ] {

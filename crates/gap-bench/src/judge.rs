@@ -138,7 +138,7 @@ pub struct Considered {
     /// Factor by which the scatter from pass to pass widens it.
     pub widening: f64,
     /// Draws in which errors on passes left out are larger with it.
-    pub worse: [f64; 2],
+    pub worse: [f64; 3],
 }
 
 impl Considered {
@@ -577,7 +577,7 @@ mod tests {
             left_out: (4.0, 1.0),
             drawn_again: 0.8,
             departs_sd: f64::INFINITY,
-            worse: [0.0; 2],
+            worse: [0.0; 3],
             widening: 1.2,
         };
         let lag = |platforms: &[&str]| Hidden {

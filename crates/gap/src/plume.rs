@@ -29,7 +29,7 @@ mod wind;
 pub(crate) mod zero;
 
 pub use apply::apply;
-pub use averaged::Averaging;
+pub use averaged::{Averaging, averaged};
 pub use data::{Prior, Setup};
 pub use model::{PlumeModel, Unknown, at_coordinates, plume_place, priors_about};
 pub use own::HELD;
@@ -44,7 +44,7 @@ use infer::{Contact, ForwardModel, Found, InferError, Judgement, Policy, Questio
 use scenario::observations::{Observations, checks};
 
 use crate::GapError;
-use crate::verdict::{GapJson, Readings, Verdict};
+use crate::verdict::{GapJson, Readings};
 use catalogue::Tried;
 use data::Data;
 
@@ -113,8 +113,6 @@ pub struct Analysis {
     pub logged_wind: Option<(f64, f64)>,
     /// Series, tables and maps for a report.
     pub report: GapReport,
-    /// From where an analysis of more of the same readings may go on; none where there was no fit.
-    pub begun: Option<Begun>,
     /// What was judged, whether it stands or not.
     pub considered: Considered,
 }
@@ -131,19 +129,6 @@ pub struct Considered {
     pub passes: usize,
     /// Readings in use.
     pub readings: usize,
-}
-
-/// Where an analysis came to: the wind that carried the plume, the fit of the base, and what was named beside it.
-#[derive(Debug, Clone)]
-pub struct Begun {
-    carried: Option<wind::Carried>,
-    swing: model::Swing,
-    base: infer::Fit,
-    /// Whether nothing at all was found beyond the base, so that it is where to go on.
-    is_all: bool,
-    /// The set that was named.
-    named: Option<(Vec<Tried>, infer::Fit)>,
-    zero_s: f64,
 }
 
 /// Fewest readings from which anything can be told.
@@ -183,18 +168,13 @@ pub fn analyse(
     };
     let late = pair::late(&pairs, &options.policy);
     let own = pair::with_late(setup, &late);
-    let mut analysis = analyse_from(None, &own, observations, options, progress)?;
+    let mut analysis = analyse_alone(&own, observations, options, progress)?;
     pair::told(&mut analysis, pairs, late);
     Ok(analysis)
 }
 
-/// The same of more of the readings of an analysis before: from there where nothing was found before nor is
-/// now, which takes a fraction of the time. A set that was named before is among those that are judged.
-///
-/// # Errors
-/// As of [`analyse`].
-pub fn analyse_from(
-    before: Option<&Begun>,
+/// The same for readings of which pairs of sensors have told what they tell.
+fn analyse_alone(
     setup: &Setup,
     observations: &Observations,
     options: &Options,
@@ -202,17 +182,10 @@ pub fn analyse_from(
 ) -> Result<Analysis, GapError> {
     let readings = Readings::of(observations);
     let (observations, zero_s) = observations.counted_from_near_zero()?;
-    let setup = &setup.counted_from(zero_s);
-    let mut of = |before| analyse_once(before, setup, &observations, options, progress);
-    let mut analysis = of(before.filter(|b| b.zero_s == zero_s))?;
-    if before.is_some_and(|b| b.is_all) && analysis.json.verdict != Verdict::None {
-        analysis = of(None)?;
-    }
+    let setup = setup.counted_from(zero_s);
+    let mut analysis = analyse_once(&setup, &observations, options, progress)?;
     zero::told_from(&mut analysis, zero_s);
     analysis.json.readings = Some(readings);
-    if let Some(begun) = &mut analysis.begun {
-        begun.zero_s = zero_s;
-    }
     Ok(analysis)
 }
 
@@ -234,7 +207,6 @@ struct Study<'a> {
 
 /// Analyses observations whose times count from near zero.
 fn analyse_once(
-    before: Option<&Begun>,
     setup: &Setup,
     observations: &Observations,
     options: &Options,
@@ -273,36 +245,21 @@ fn analyse_once(
     let question = records.question();
     // Where the plume is and how it moves is seen in part of a long record as well.
     let first_question = records.first_question();
-    let alike = |b: &&Begun| b.base.point.at.len() == setup.unknowns().len();
-    let before = before.filter(alike);
-    let before = before.filter(|b| b.carried.is_some() == data.on_board_wind);
-    let named_before = before.and_then(|b| b.named.as_ref());
-    let before = before.filter(|b| b.is_all);
-    let carried = match before {
-        Some(before) => before.carried,
-        None => records.carried(setup)?,
-    };
+    let carried = records.carried(setup)?;
     let tracks = records.tracks(setup, carried);
     let first_model = PlumeModel::of(setup, &tracks[0], scale);
-    let (first_base, swing) = match before {
-        Some(before) => (before.base.clone(), before.swing),
-        None => records.searched(&first_model, carried)?,
-    };
+    let (first_base, swing) = records.searched(&first_model, carried)?;
     let first_model = first_model.following(swing);
     let model = PlumeModel::of(setup, &tracks[1], scale).following(swing);
     let base = question.set_from(&model, Vec::new(), &first_base)?;
     tell(0.25, "testing whether the readings follow the plume");
     let contact = first_question.contact(&first_model, base.at())?;
-    let mut named = match aimed(&first_question, &first_model, &model, contact.as_ref())? {
+    let named = match aimed(&first_question, &first_model, &model, contact.as_ref())? {
         Some((found, aimed)) => {
             vec![question.set_from(&aimed, found.names.clone(), found.fit())?]
         }
         None => Vec::new(),
     };
-    if let Some((names, fit)) = named_before {
-        let with_names = names.iter().fold(model.clone(), |m, n| m.with(&n.part));
-        named.push(question.set_from(&with_names, names.clone(), fit)?);
-    }
     tell(0.35, "searching for causes");
     let here = base.model.predict(base.at(), &question.turns_deg(&base))?;
     let world = base.model.world(base.at())?;

@@ -14,6 +14,9 @@ use std::ops::Range;
 /// A name makes left-out passes significantly worse where that many of the draws say so: one side of
 /// 95 %.
 const WORSE: f64 = 0.975;
+/// Left-out passes are to be expected better with a name than without by some measure in this part of the draws: evidence alone,
+/// which also tells how errors hang together, names nothing.
+const NO_BETTER: f64 = 0.5;
 /// A set that is less likely by this, nats, is no rival however passes are drawn: one in 3,000.
 const RIVAL_NATS: f64 = 8.0;
 /// Fluctuation from which its law matters: a log-normal factor of this size has a skewness of one, a normal one none.
@@ -40,9 +43,9 @@ pub struct Cause<T> {
     pub drawn_again: f64,
     /// Standard deviations by which it departs from doing nothing; infinite for a limit.
     pub departs_sd: f64,
-    /// Part of the draws in which root mean square error and normalised mean square error on passes left
-    /// out are worse with it than without; zero where it does not stand anyway.
-    pub worse: [f64; 2],
+    /// Part of the draws in which root mean square error, normalised mean square error and mean absolute error on passes
+    /// left out are worse with it than without; zero where it does not stand anyway.
+    pub worse: [f64; 3],
     /// Factor by which the scatter from pass to pass widens its uncertainty, 1 or more.
     pub widening: f64,
 }
@@ -294,6 +297,7 @@ impl Question<'_> {
             && cause.departs_sd > self.policy.departs_sd
             && cause.names.len() <= self.policy.most_candidates
             && cause.worse.iter().all(|w| *w < WORSE)
+            && cause.worse.iter().any(|w| *w <= NO_BETTER)
     }
 
     /// The names of a set, each with what it is worth.
@@ -398,7 +402,7 @@ impl Question<'_> {
             left_out: sum_and_low(&gains),
             drawn_again,
             departs_sd,
-            worse: [0.0; 2],
+            worse: [0.0; 3],
             widening,
         };
         if self.stands(&cause) {
@@ -434,17 +438,18 @@ impl Question<'_> {
         after: &Expected,
         passes: &[Vec<Range<usize>>],
         draws: &[Vec<f64>],
-    ) -> [f64; 2] {
+    ) -> [f64; 3] {
         let errors = |expected: &Expected| -> Vec<Errors> {
             let of = |pass: &Vec<Range<usize>>| Errors::of(self.rows, before, expected, pass);
             passes.iter().map(of).collect()
         };
         let (old, new) = (errors(before), errors(after));
-        let mut worse = [0.0; 2];
+        let mut worse = [0.0; 3];
         for times in draws {
             let (a, b) = (Errors::sum(&old, times), Errors::sum(&new, times));
             worse[0] += f64::from(u8::from(b.square > a.square));
             worse[1] += f64::from(u8::from(b.normalised() > a.normalised()));
+            worse[2] += f64::from(u8::from(b.absolute > a.absolute));
         }
         worse.map(|w| w / draws.len() as f64)
     }
@@ -523,10 +528,14 @@ fn departures<M: Catalogue>(set: &Found<M>, posterior: &Posterior) -> Vec<Depart
             departs_sd: 0.0,
             widening: 1.0,
         };
-        for nothing in &M::start(name).nothing {
-            let departs_sd = (mean[next] - nothing).abs() / covariance[(next, next)].sqrt();
-            departure.departs_sd = departure.departs_sd.max(departs_sd);
-            departure.widening = departure.widening.max(posterior.widening_of(next));
+        let start = M::start(name);
+        for (k, nothing) in start.nothing.iter().enumerate() {
+            // What alone changes nothing, as the place of a source that emits nothing, is no departure.
+            if start.ends.iter().any(|end| end[k] != *nothing) {
+                let departs_sd = (mean[next] - nothing).abs() / covariance[(next, next)].sqrt();
+                departure.departs_sd = departure.departs_sd.max(departs_sd);
+                departure.widening = departure.widening.max(posterior.widening_of(next));
+            }
             next += 1;
         }
         departure
@@ -569,6 +578,7 @@ fn best_without<'f, M: Catalogue>(
 #[derive(Default)]
 struct Errors {
     square: f64,
+    absolute: f64,
     read: f64,
     expected: f64,
 }
@@ -578,7 +588,9 @@ impl Errors {
         let mut sum = Self::default();
         for i in pass.iter().cloned().flatten().filter(|&i| rows.is_used(i)) {
             let clean = rest.reading[i] - rest.plume[i];
-            sum.square += (rows.measured()[i] - expected.reading[i]).powi(2);
+            let error = rows.measured()[i] - expected.reading[i];
+            sum.square += error * error;
+            sum.absolute += error.abs();
             sum.read += rows.measured()[i] - clean;
             sum.expected += expected.reading[i] - clean;
         }
@@ -590,6 +602,7 @@ impl Errors {
             .zip(times)
             .fold(Self::default(), |s, (o, times)| Self {
                 square: s.square + times * o.square,
+                absolute: s.absolute + times * o.absolute,
                 read: s.read + times * o.read,
                 expected: s.expected + times * o.expected,
             })

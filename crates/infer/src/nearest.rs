@@ -21,6 +21,34 @@ pub struct Nearest {
     pub mean: DVector<f64>,
     /// Covariance.
     pub covariance: DMatrix<f64>,
+    /// Variances before any reading: those of the priors, and what an error of form may add.
+    pub beforehand: DVector<f64>,
+}
+
+impl Nearest {
+    /// The same where what is known beforehand, `prior_mean` and `prior_sd`, is known of this plume: of unknowns to which an
+    /// error of form or a meander adds, a posterior that knows it of the unknowns alone forgets a part. Errors of form and
+    /// unknowns so are independent where it counts (Plumlee 2017).
+    #[must_use]
+    pub fn known_beforehand(self, prior_mean: &DVector<f64>, prior_sd: &DVector<f64>) -> Self {
+        let Some(told) = self.covariance.clone().cholesky() else {
+            return self;
+        };
+        let forgotten = DVector::from_fn(prior_sd.len(), |k, _| {
+            (prior_sd[k].powi(-2) - self.beforehand[k].recip()).max(0.0)
+        });
+        let mut precision = told.inverse();
+        let pull = &precision * &self.mean + forgotten.component_mul(prior_mean);
+        precision += DMatrix::from_diagonal(&forgotten);
+        match precision.cholesky() {
+            Some(precision) => Self {
+                mean: precision.solve(&pull),
+                covariance: precision.inverse(),
+                beforehand: prior_sd.map(|sd| sd * sd),
+            },
+            None => self,
+        }
+    }
 }
 
 impl<M: ForwardModel> Problem<'_, M> {
@@ -82,6 +110,7 @@ impl<M: ForwardModel> Problem<'_, M> {
         Ok(Nearest {
             mean: DVector::from_column_slice(&fit.point.at) + nearest,
             covariance,
+            beforehand,
         })
     }
 

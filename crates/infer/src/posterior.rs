@@ -29,6 +29,9 @@ const FIRST_NOISES: [(f64, f64); 3] = [(0.5, 0.1), (1.0, 3.0), (3.0, 0.3)];
 /// Differences for derivatives: part of a standard deviation, and degrees of the axis.
 const DIFFERENCE_SD: f64 = 0.05;
 const DIFFERENCE_DEG: f64 = 0.05;
+/// How far the mean of a plume's logarithm may be from that at the fit's point: beyond a factor of e the linear problem there
+/// is not to be believed.
+const FARTHEST_LN: f64 = 1.0;
 /// How often the noise of a fit on more readings is made most probable.
 pub(crate) const REFITS: usize = 5;
 /// Fluctuation and wander are held against ones smaller and larger by this factor, so many times.
@@ -718,47 +721,118 @@ impl Posterior {
         time_s: f64,
         value: impl Fn(&[f64], f64) -> (f64, f64, PlumePlace),
     ) -> Estimate {
+        let there = self.near(time_s, value);
+        let mean_step = self.step();
+        let shift = |slope: &DVector<f64>| slope.dot(&mean_step);
+        // A plume is positive, and known to a factor: the median of a logarithm.
+        let ln_plume = shift(&there.ln_plume_slope).clamp(-FARTHEST_LN, FARTHEST_LN);
+        let plume = there.plume * ln_plume.exp();
+        let slope = &there.rest_slope + plume * &there.ln_plume_slope;
+        let mean = shift(&slope);
+        let variance = |p: &Part| {
+            let off = slope.dot(&p.step) - mean;
+            p.weight * (p.precision.solve(&slope).dot(&slope) + off * off)
+        };
+        let variance: f64 = self.parts.iter().map(variance).sum();
+        Estimate {
+            value: there.rest + shift(&there.rest_slope) + plume,
+            sd: variance.max(0.0).sqrt() * self.widening(&slope),
+        }
+    }
+
+    /// The same posterior where the logarithm of the plume at a place, above what is there besides, is known to be
+    /// `ln_plume` by what is known beforehand of the unknowns alone, and to the variance `more` besides. A posterior that
+    /// knows it of the unknowns, and lets an error of form be anything beside them, forgets a part (Plumlee 2017).
+    #[must_use]
+    pub fn told(
+        &self,
+        time_s: f64,
+        value: impl Fn(&[f64], f64) -> (f64, f64, PlumePlace),
+        (ln_plume, more): (f64, f64),
+    ) -> Self {
+        let mut told = self.clone();
+        let there = self.near(time_s, value);
+        let slope = there.ln_plume_slope;
+        let mut of_unknowns = slope.clone();
+        of_unknowns.rows_mut(0, self.layout.unknowns).fill(0.0);
+        let known = self.scatter.variance_beforehand(&of_unknowns) + more;
+        let forgotten = known.recip() - self.scatter.variance_beforehand(&slope).recip();
+        let off = ln_plume - there.plume.ln();
+        if !(forgotten > 0.0 && forgotten.is_finite() && off.is_finite()) {
+            return told;
+        }
+        for part in &mut told.parts {
+            let worth = part.precision.solve(&slope);
+            let variance = 1.0 + forgotten * slope.dot(&worth);
+            let left = off - slope.dot(&part.step);
+            part.weight *= (-0.5 * forgotten * left * left / variance).exp() / variance.sqrt();
+            part.step += worth * (forgotten * left / variance);
+            part.precision.rank_one_update(&slope, forgotten);
+        }
+        let all: f64 = told.parts.iter().map(|p| p.weight).sum();
+        if !(all > 0.0) {
+            return self.clone();
+        }
+        told.parts.iter_mut().for_each(|p| p.weight /= all);
+        let step = told.step();
+        let places = told.layout.weights.iter().zip(&told.fit.point.weights);
+        told.mean_weights = places.map(|(place, w)| w + step[*place]).collect();
+        told
+    }
+
+    /// What is to be met at a place, linearised at the fit's point.
+    fn near(&self, time_s: f64, value: impl Fn(&[f64], f64) -> (f64, f64, PlumePlace)) -> Near {
         let (fit, basis) = (&self.fit, &self.fit.basis);
         let form = basis.of_form();
         let met = |at: &[f64], turn_deg: f64| {
             let (rest, plume, place) = value(at, turn_deg);
-            rest + plume * self.growth(&place).0.factor
+            (rest, plume * self.growth(&place).0.factor)
         };
         let at = &fit.point.at;
         let turn_deg = basis.turn_deg(time_s, &fit.point.weights);
         let (rest, plume, place) = value(at, turn_deg);
         let (growth, here_bumps) = self.growth(&place);
-        let here = rest + plume * growth.factor;
-        let mut slope = DVector::zeros(self.layout.tried);
+        let plume = plume * growth.factor;
+        let mut near = Near {
+            rest,
+            plume,
+            rest_slope: DVector::zeros(self.layout.tried),
+            ln_plume_slope: DVector::zeros(self.layout.tried),
+        };
+        if !plume.is_normal() {
+            return near;
+        }
         let sds = self.covariance().diagonal();
         for k in 0..self.unknowns {
             let difference = DIFFERENCE_SD * sds[k].sqrt();
             if difference > 0.0 {
                 let mut aside = at.clone();
                 aside[k] += difference;
-                slope[self.layout.unknowns + k] = (met(&aside, turn_deg) - here) / difference;
+                let (other, grown) = met(&aside, turn_deg);
+                near.rest_slope[self.layout.unknowns + k] = (other - rest) / difference;
+                near.ln_plume_slope[self.layout.unknowns + k] =
+                    (grown - plume) / difference / plume;
             }
         }
-        let per_degree = (met(at, turn_deg + DIFFERENCE_DEG) - here) / DIFFERENCE_DEG;
+        let turned = met(at, turn_deg + DIFFERENCE_DEG).1;
+        let per_degree = (turned - plume) / DIFFERENCE_DEG / plume;
         for (k, (bump, place)) in here_bumps.iter().zip(&self.layout.weights).enumerate() {
             let each = if k < form {
-                plume * growth.slope
+                growth.slope / growth.factor
             } else {
                 per_degree
             };
-            slope[*place] = each * bump;
+            near.ln_plume_slope[*place] = each * bump;
         }
-        let moments = self.parts.iter().map(|p| {
-            let shift = slope.dot(&p.step);
-            (p.weight, shift, p.precision.solve(&slope).dot(&slope))
-        });
-        let mean: f64 = moments.clone().map(|(w, shift, _)| w * shift).sum();
-        let variance: f64 = moments
-            .map(|(w, shift, v)| w * (v + (shift - mean).powi(2)))
-            .sum();
-        Estimate {
-            value: here + mean,
-            sd: variance.max(0.0).sqrt() * self.widening(&slope),
-        }
+        near
     }
+}
+
+/// What is to be met at a place, and what each column changes of it: of what is there besides the plume, and of the
+/// logarithm of the plume.
+struct Near {
+    rest: f64,
+    plume: f64,
+    rest_slope: DVector<f64>,
+    ln_plume_slope: DVector<f64>,
 }

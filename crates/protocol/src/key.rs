@@ -363,12 +363,8 @@ impl Topic {
             Self::State(id) | Self::Reading(id) | Self::Mode(id) | Self::Health(id) => va(id),
             Self::MavlinkRx(id) | Self::MavlinkTx(id) => va(id),
             Self::Event(agent) | Self::Done(agent) => agent.clone(),
-            Self::Ambient(_) | Self::Model | Self::Weather => AgentId::ws(),
-            Self::Setpoint(_)
-            | Self::Population
-            | Self::Observation
-            | Self::Plan
-            | Self::Extension => AgentId::sc(),
+            Self::Ambient(_) | Self::Model | Self::Weather | Self::Extension => AgentId::ws(),
+            Self::Setpoint(_) | Self::Population | Self::Observation | Self::Plan => AgentId::sc(),
             Self::Tick => AgentId::clock(),
             Self::Control(_) | Self::Swap(_) | Self::Destination(_) => AgentId::operator(),
         }

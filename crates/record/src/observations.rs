@@ -7,8 +7,7 @@ use protocol::{SimTime, Topic};
 use scenario::observations::{ObservationRow, Observations};
 use std::collections::BTreeMap;
 
-/// The readings of real vehicles in `recording`, in order of time and platform, at most one a
-/// platform in `min_interval_s` (0 for all).
+/// The readings of real vehicles in `recording`, in order of time and platform.
 ///
 /// The vehicles' own `va/<id>/reading` count; a recording that holds none gives what the
 /// squadron controller passed on (`sc/main/observation`). Humidity and white noise are not on
@@ -16,12 +15,9 @@ use std::collections::BTreeMap;
 ///
 /// # Errors
 /// A damaged recording, or one in which no real vehicle has read anything.
-pub fn of_recording(
-    recording: &Recording,
-    min_interval_s: f64,
-) -> Result<Observations, RecordError> {
-    let mut own = Rows::new(min_interval_s);
-    let mut passed_on = Rows::new(min_interval_s);
+pub fn of_recording(recording: &Recording) -> Result<Observations, RecordError> {
+    let mut own = Rows::default();
+    let mut passed_on = Rows::default();
     let mut messages = recording.envelopes()?;
     for message in messages.by_ref() {
         let (topic, envelope) = message?;
@@ -50,30 +46,20 @@ pub fn of_recording(
     Ok(observations)
 }
 
+#[derive(Default)]
 struct Rows {
-    min_interval_ns: i64,
     platforms: Vec<String>,
     last: BTreeMap<String, (usize, SimTime)>,
     rows: Vec<(SimTime, ObservationRow)>,
 }
 
 impl Rows {
-    fn new(min_interval_s: f64) -> Self {
-        Self {
-            min_interval_ns: SimTime::from_s(min_interval_s).ns(),
-            platforms: Vec::new(),
-            last: BTreeMap::new(),
-            rows: Vec::new(),
-        }
-    }
-
     fn push(&mut self, id: &str, time: SimTime, reading: &Reading) {
         if reading.kind != VehicleKind::Real {
             return;
         }
         let platform = match self.last.get(id) {
             Some(&(_, last)) if time <= last => return,
-            Some(&(_, last)) if time.ns() - last.ns() < self.min_interval_ns => return,
             Some(&(platform, _)) => platform,
             None => {
                 self.platforms.push(id.to_owned());

@@ -391,7 +391,7 @@ fn real_readings_become_observations() {
     let path = fresh("observations");
     record(&path, 300);
     let recording = read_mcap(&path).unwrap();
-    let all = record::observations::of_recording(&recording, 0.0).unwrap();
+    let all = record::observations::of_recording(&recording).unwrap();
     assert_eq!(all.platforms, [synthetic::REAL]);
     assert_eq!(all.rows.len(), 300);
     let said: Vec<f64> = synthetic::mission(300)
@@ -406,9 +406,6 @@ fn real_readings_become_observations() {
     let text = all.to_csv();
     let parsed = scenario::observations::parse(&[("mission.csv", &text)], plume::Gas::Ch4).unwrap();
     assert_eq!(parsed.rows, all.rows);
-
-    let each_second = record::observations::of_recording(&recording, 1.0).unwrap();
-    assert_eq!(each_second.rows.len(), 30);
     fs::remove_file(path).unwrap();
 }
 
@@ -423,9 +420,7 @@ fn what_the_controller_passed_on_serves_where_readings_are_missing() {
     }
     recorder.finish(None).unwrap();
     let recording = read_mcap(&path).unwrap();
-    let rows = record::observations::of_recording(&recording, 0.0)
-        .unwrap()
-        .rows;
+    let rows = record::observations::of_recording(&recording).unwrap().rows;
     assert_eq!(rows.len(), 100);
     fs::remove_file(&path).unwrap();
 
@@ -434,7 +429,7 @@ fn what_the_controller_passed_on_serves_where_readings_are_missing() {
         .finish(None)
         .unwrap();
     let recording = read_mcap(&path).unwrap();
-    let refused = record::observations::of_recording(&recording, 0.0).unwrap_err();
+    let refused = record::observations::of_recording(&recording).unwrap_err();
     assert!(refused.to_string().contains("no reading of a real vehicle"));
     fs::remove_file(path).unwrap();
 }

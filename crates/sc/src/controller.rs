@@ -17,8 +17,8 @@ use csea::{
 use plume::DispersionSpec;
 use protocol::key::Name;
 use protocol::message::{
-    ControlWish, Destination, Extension, Mode, Model, Observation, Peak, PeakStatus, Phase, Plan,
-    Population, Reading, Severity, State, VehicleKind as Kind,
+    ControlWish, Destination, Mode, Model, Observation, Peak, PeakStatus, Phase, Plan, Population,
+    Reading, Severity, State, VehicleKind as Kind,
 };
 use protocol::{Agent, AgentId, Envelope, Event, Interest, Message, Outbox, SimTime, Topic};
 use rand::rngs::ChaCha8Rng;
@@ -30,7 +30,6 @@ use std::collections::BTreeMap;
 
 use crate::error::ScError;
 use crate::fleet::{Fleet, LINKED_CIRCLE_M, MARGIN_M, TeamVehicle};
-use crate::live_gap::{Judgement, LiveGap, LookResult};
 use crate::passes::PassRange;
 use crate::plume_estimate::PlumeEstimate;
 use crate::route_graph::RouteGraph;
@@ -76,7 +75,6 @@ pub struct SquadronController {
     rng: ChaCha8Rng,
     strategy: Option<Box<dyn SearchStrategy>>,
     archive: Archive,
-    gap: Option<LiveGap>,
     generation: u64,
     next_decision: SimTime,
     next_population: SimTime,
@@ -119,7 +117,6 @@ impl SquadronController {
             .ok_or(no_airspace)?;
         let vehicles = team(scenario, &airspace)?;
         let mut controller = Self {
-            gap: LiveGap::new(scenario).map_err(|e| ScError::Gap(e.to_string()))?,
             id: AgentId::sc(),
             tasks: Tasks::new(&vehicles),
             fleet: Fleet {
@@ -389,9 +386,6 @@ impl SquadronController {
             reading: reading.clone(),
         };
         out.say(Topic::Observation, Message::Observation(observation));
-        if let Some(gap) = &mut self.gap {
-            gap.take(name.as_str(), time, reading);
-        }
     }
 
     /// Lets the strategy learn what a vehicle of the team read: where there are real ones, theirs alone tell of the air that
@@ -485,11 +479,6 @@ impl SquadronController {
         if phase == Phase::Home {
             self.publish_findings(out);
         }
-        // What is found is stated at the end; what is to be adopted changes the world on the way.
-        let adopts = self.gap.as_ref().is_some_and(LiveGap::adopts);
-        if matches!(phase, Phase::Characterise | Phase::Home) || (phase.has_searched() && adopts) {
-            self.publish_gap(out);
-        }
         self.tasks.start_phase(phase, &self.fleet);
         if phase == Phase::Home {
             self.recall_all();
@@ -565,31 +554,6 @@ impl SquadronController {
         };
         out.event(&self.id, severity, code, text);
     }
-
-    /// Publishes what the readings so far show of the model, and hands over what is to be adopted; at once where it is
-    /// known, else when it is computed.
-    fn publish_gap(&mut self, out: &mut Outbox) {
-        match self.gap.as_mut().map(LiveGap::judge) {
-            Some(Judgement::Known(said)) => self.publish_extension(said, out),
-            Some(Judgement::ToCompute(look)) => out.compute(|| look.compute()),
-            Some(Judgement::Nothing) | None => {}
-        }
-    }
-
-    fn publish_extension(&self, (extension, words): (Extension, String), out: &mut Outbox) {
-        out.event(&self.id, Severity::Info, "reality-gap", words);
-        out.say(Topic::Extension, Message::Extension(extension));
-    }
-
-    /// A look at the reality gap has been computed.
-    fn learn_gap(&mut self, found: LookResult, out: &mut Outbox) {
-        let Some(gap) = &mut self.gap else { return };
-        let (said, again) = gap.learn(found);
-        self.publish_extension(said, out);
-        if let Some(look) = again {
-            out.compute(|| look.compute());
-        }
-    }
 }
 
 /// The vehicles with their homes and, above them, layers in the order of take-off: the first to
@@ -642,16 +606,11 @@ impl Agent for SquadronController {
     fn handle(&mut self, event: Event<'_>, now: SimTime, out: &mut Outbox) {
         match event {
             Event::Message(topic, envelope) => self.handle_message(topic, envelope, out),
-            Event::Computed(result) => {
-                if let Some(found) = result.take() {
-                    self.learn_gap(found, out);
-                }
-            }
             Event::Tick if now >= self.next_decision => {
                 self.next_decision = SimTime::from_s(now.s() + DECISION_S);
                 self.decide(now, out);
             }
-            Event::Tick => {}
+            Event::Tick | Event::Computed(_) => {}
             Event::Stop => {
                 if self.phase != Phase::Home {
                     self.publish_findings(out);

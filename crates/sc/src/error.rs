@@ -9,9 +9,6 @@ pub enum ScError {
     /// A name cannot stand in a key.
     #[error(transparent)]
     Name(#[from] protocol::ProtocolError),
-    /// The model cannot be held against readings.
-    #[error("reality gap: {0}")]
-    Gap(String),
     /// The search cannot be set up.
     #[error(transparent)]
     Search(#[from] csea::CseaError),

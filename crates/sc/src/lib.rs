@@ -11,7 +11,6 @@
 //! - [`route_graph`]: routes around fence and keep-outs;
 //! - [`separation`]: vehicles keep apart in height or distance;
 //! - [`fleet`]: the vehicles, where they are and where they are sent;
-//! - [`live_gap`]: what real readings tell of the model, in flight;
 //! - [`plume_estimate`]: where the plume is, as far as is known;
 //! - [`passes`]: straight passes through the plume;
 //! - [`controller`]: the agent and its phases.
@@ -40,7 +39,6 @@
 pub mod controller;
 mod error;
 pub mod fleet;
-pub mod live_gap;
 pub mod passes;
 pub mod plume_estimate;
 mod prior;

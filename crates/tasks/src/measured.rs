@@ -11,9 +11,6 @@ use scenario::world::WorldError;
 use std::path::{Path, PathBuf};
 use ws::wind::WorldWind;
 
-/// Readings of a recording are taken at most this often, s: closer ones say little more.
-const RECORDING_INTERVAL_S: f64 = 1.0;
-
 /// Reads the readings of `gas` in all `files` as one set of observations.
 ///
 /// # Errors
@@ -109,11 +106,13 @@ impl Text {
         let name = file.display().to_string();
         if file.extension().is_some_and(|e| e == "mcap") {
             let recording = record::read_mcap(file)?;
-            let rows = record::observations::of_recording(&recording, RECORDING_INTERVAL_S)?;
+            let raw = record::observations::of_recording(&recording)?;
+            // As the correction in flight takes them in.
+            let rows = gap::plume::averaged(&raw);
             return Ok(Self {
                 name,
                 text: rows.to_csv(),
-                notices: rows.notices,
+                notices: raw.notices.clone(),
             });
         }
         Ok(Self {

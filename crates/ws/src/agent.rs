@@ -2,6 +2,7 @@
 
 use crate::WsError;
 use crate::calibration::Calibrator;
+use crate::live_gap::{LiveGap, Look, LookResult};
 use crate::wind::WorldWind;
 use air::dryden::{Dryden, Turbulence};
 use air::geo::{Geodetic, LocalFrame};
@@ -12,7 +13,7 @@ use plume::{DispersionModel, Place, Puffs, UnsteadyAir};
 use protocol::key::Name;
 use protocol::message::{
     Ambient, Estimate, Extension, Flux, FluxMethod, GapCause, MechanismSetting, Model, Observation,
-    Peak, PeakStatus, Severity, State, VehicleKind as FlownKind, Weather, WindRow,
+    Peak, PeakStatus, Phase, Severity, State, VehicleKind as FlownKind, Weather, WindRow,
 };
 use protocol::{Agent, AgentId, Event, Interest, Message, Outbox, Pauses, SimTime, Topic};
 use rand::rngs::ChaCha8Rng;
@@ -67,6 +68,10 @@ pub struct WorldSimulator {
     unsteady: Option<UnsteadyAir>,
     intensity: f64,
     calibrator: Calibrator,
+    /// What the readings show of the model; none where the scenario wants none.
+    gap: Option<LiveGap>,
+    /// Where the mission is, by the plan.
+    phase: Phase,
     airspace: Airspace,
     /// The peak of the model as it was corrected last.
     peak: Option<Peak>,
@@ -135,6 +140,8 @@ impl WorldSimulator {
             unsteady: scenario.unsteady_weather().map(|u| u.around(&world)),
             world,
             calibrator,
+            gap: LiveGap::new(scenario)?,
+            phase: Phase::TakeOff,
             peak: None,
             flux: Vec::new(),
             wind_sd_m_s: scenario
@@ -183,21 +190,29 @@ impl WorldSimulator {
             }
         };
         let reading = &observation.reading;
+        let time = SimTime::from_ns(observation.time_ns);
+        if let Some(gap) = &mut self.gap {
+            gap.take(&observation.vehicle, time, reading);
+        }
+        let time_s = time.s();
         let at = Geodetic {
             lat_deg: reading.lat_deg,
             lon_deg: reading.lon_deg,
         };
-        let time_s = SimTime::from_ns(observation.time_ns).s();
         let place = Place::from_geodetic(&self.frame, at, reading.alt_amsl_m);
-        if let (Some(speed), Some(from)) = (reading.wind_speed_m_s, reading.wind_from_deg) {
+        let reported = reading.wind_speed_m_s.zip(reading.wind_from_deg);
+        if let Some((speed, from)) = reported {
             let wind = WindVector::from_speed_and_direction(speed, from);
             self.wind.report(time_s, place.height_agl_m, wind);
         }
-        // A wind that changes in time carries the plume with it; the turn found is on top of it.
-        let wind = (!self.wind.is_constant()).then(|| {
+        // A wind that changes in time carries the plume with it; the turn found is on top of it. Where the world has one
+        // wind, eddies that a vehicle feels carry the plume as well.
+        let wind = if self.wind.is_constant() {
+            reported
+        } else {
             let there = self.wind.at(time_s, 0.0);
-            (there.speed_at_m_s(place.height_agl_m), there.from_deg())
-        });
+            Some((there.speed_at_m_s(place.height_agl_m), there.from_deg()))
+        };
         self.calibrator
             .observe(platform, time_s, place, wind, reading.co2_ppm);
     }
@@ -225,8 +240,32 @@ impl WorldSimulator {
         self.publish_model(now_s, out);
     }
 
-    /// Corrects the model for the last time, where there are new readings.
+    /// Looks at what readings show of the model where the plume has been located, and at each later phase where what is
+    /// found changes the world on the way.
+    fn enter_phase(&mut self, phase: Phase, out: &mut Outbox) {
+        if std::mem::replace(&mut self.phase, phase) == phase {
+            return;
+        }
+        let Some(gap) = &mut self.gap else { return };
+        let is_due = phase == Phase::Characterise || (phase.has_searched() && gap.adopts());
+        if let Some(look) = is_due.then(|| gap.look()).flatten() {
+            out.compute(|| look.compute());
+        }
+    }
+
+    /// Takes in what a look has found.
+    fn learn_gap(&mut self, found: LookResult, out: &mut Outbox) {
+        out.event(&self.id, Severity::Info, "reality-gap", found.words);
+        self.extend(&found.extension, out);
+        out.say(Topic::Extension, Message::Extension(found.extension));
+    }
+
+    /// Looks at all readings and corrects the model for the last time, where there are new ones.
     fn conclude(&mut self, now_s: f64, out: &mut Outbox) {
+        let look = self.gap.as_mut().and_then(LiveGap::last_look);
+        if let Some(found) = look.map(Look::compute) {
+            self.learn_gap(found, out);
+        }
         if self.calibrator.taken() > self.readings_used {
             let nearest_m = self.airspace.keep_out_m() + SETPOINT_MARGIN_M;
             let found = self.correction().compute(Some(nearest_m));
@@ -240,6 +279,7 @@ impl WorldSimulator {
         Correction {
             base: self.base,
             calibrator: self.calibrator.clone(),
+            is_against_log: self.wind.is_constant(),
             airspace: self.airspace.clone(),
             wind_m_s: self.wind.reported_speed(self.wind_sd_m_s),
         }
@@ -402,7 +442,7 @@ impl WorldSimulator {
     }
 
     fn publish_ambients(&mut self, now_s: f64, out: &mut Outbox) {
-        let wind = self.wind.at(now_s, self.calibrator.turn_deg());
+        let wind = self.axis_and_wind(now_s).1;
         let is_due = |v: &TeamVehicle| now_s + 1e-9 >= v.next_s && v.state.is_some();
         let puffs = self
             .vehicles
@@ -468,6 +508,8 @@ struct Correction {
     /// The base model that it corrects.
     base: u64,
     calibrator: Calibrator,
+    /// Whether a wind that readings carry is what vehicles reported, against which the turn is found.
+    is_against_log: bool,
     airspace: Airspace,
     wind_m_s: Estimate,
 }
@@ -499,6 +541,9 @@ impl Correction {
         match concludes_at_m {
             Some(nearest_m) => self.calibrator.conclude(nearest_m)?,
             None => self.calibrator.update()?,
+        }
+        if self.is_against_log {
+            self.calibrator.blow_as_logged();
         }
         let peak = self.calibrator.peak(&self.airspace);
         Ok(Corrected {
@@ -574,7 +619,7 @@ impl Agent for WorldSimulator {
         vec![
             Interest::AllStates,
             Interest::One(Topic::Observation),
-            Interest::One(Topic::Extension),
+            Interest::One(Topic::Plan),
         ]
     }
 
@@ -589,7 +634,7 @@ impl Agent for WorldSimulator {
             }
             Event::Message(_, envelope) => match &envelope.message {
                 Message::Observation(observation) => self.observe(observation),
-                Message::Extension(extension) => self.extend(extension, out),
+                Message::Plan(plan) => self.enter_phase(plan.phase, out),
                 _ => {}
             },
             Event::Tick => {
@@ -610,6 +655,11 @@ impl Agent for WorldSimulator {
                 if let Some(found) = result.take() {
                     self.learn(found, out);
                     self.publish_model(now.s(), out);
+                } else if let Some(found) = result.take() {
+                    if let Some(gap) = &mut self.gap {
+                        gap.has_looked();
+                    }
+                    self.learn_gap(found, out);
                 }
             }
             Event::Stop => self.conclude(now.s(), out),

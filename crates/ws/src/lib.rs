@@ -6,6 +6,7 @@
 //! - [`agent`]: the state machine on the bus;
 //! - [`calibration`]: base level, plume height, axis, strength and spread from readings, with
 //!   uncertainties; used in flight by the agent and off-line on files;
+//! - `live_gap`: what real readings tell of the model, at moments of the mission and at its end;
 //! - [`model`]: the corrected model as others read it off the bus;
 //! - [`wind`]: the wind that the world follows.
 //!
@@ -66,6 +67,7 @@
 
 pub mod agent;
 pub mod calibration;
+mod live_gap;
 pub mod model;
 pub mod wind;
 

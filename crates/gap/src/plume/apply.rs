@@ -127,7 +127,6 @@ pub fn apply(
         base: Vec::new(),
         logged_wind: None,
         report: report::report(&study, Some(&gained)),
-        begun: None,
         considered: Considered::default(),
         json,
     };

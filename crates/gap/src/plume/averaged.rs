@@ -50,7 +50,7 @@ impl Averaging {
 
 /// Observations with at most one row each second of each platform. Rows of one platform must be in order of time; of
 /// others they change nothing.
-pub(super) fn averaged(observations: &Observations) -> Cow<'_, Observations> {
+pub fn averaged(observations: &Observations) -> Cow<'_, Observations> {
     let mut averaging = Averaging::default();
     let mut rows = Vec::with_capacity(observations.rows.len());
     for row in &observations.rows {

@@ -9,7 +9,7 @@
 
 use super::parameters::Unknowns;
 use super::peak::{AtCrossing, Predicted};
-use nalgebra::{DMatrix, DVector};
+use infer::Nearest;
 use plume::{DispersionSpec, MechanismId, Strength};
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
 
@@ -101,6 +101,8 @@ pub(super) struct Meander {
     pub may_be: f64,
     /// The plume's own width as seen from the source, degrees.
     pub width_deg: f64,
+    /// Whether the axis turns so far that it is stated as of its last moment.
+    pub is_followed: bool,
     /// What it is known from, in independent squares.
     pub freedoms: f64,
     /// By what standard deviations that rest on so few are larger than those of a normal distribution, so that two of
@@ -116,8 +118,9 @@ pub(super) struct Meander {
 }
 
 impl Meander {
-    /// None where there are too few crossings, or where they leave their line by more than the plume is wide: that is a
-    /// wind that turns, and the plume is stated as of its last moment. What turns steadily is a wind too.
+    /// None where there are too few crossings, or where they may be those of a steady plume. Where they leave their line by
+    /// more than the plume is wide, that is a wind that turns, and the plume is stated as of its last moment; in height
+    /// it is expected to meander as much as it is high.
     pub fn of(predicted: &Predicted, width_deg: f64) -> Option<Self> {
         let crossings = predicted.axis();
         let n = crossings.len() as f64;
@@ -137,9 +140,16 @@ impl Meander {
         let seen = (seen + own + predicted.wander_deg().powi(2)) / width_deg.powi(2);
         // Crossings that lie off their line by no more than they are known for may be those of a steady plume.
         let off = line.rms_off_deg();
-        (off.powi(2) > known && off <= width_deg).then_some(Self {
+        let is_followed = off > width_deg;
+        let seen = if is_followed { 0.0 } else { seen };
+        (off.powi(2) > known).then_some(Self {
             seen,
-            may_be: (freedoms * seen + WORTH) / (freedoms + WORTH),
+            may_be: if is_followed {
+                1.0
+            } else {
+                (freedoms * seen + WORTH) / (freedoms + WORTH)
+            },
+            is_followed,
             width_deg,
             freedoms: freedoms + WORTH,
             few: few(freedoms + WORTH),
@@ -153,27 +163,37 @@ impl Meander {
     /// wider than the plume tell less of it.
     pub fn as_seen(self) -> Self {
         Self {
-            may_be: self.seen,
+            may_be: if self.is_followed { 1.0 } else { self.seen },
             freedoms: (self.freedoms - WORTH).max(1.0),
             few: 1.0,
             ..self
         }
     }
 
-    /// The unknowns and their covariance in the mean over meanders.
-    pub fn in_the_mean(
-        &self,
-        unknowns: &Unknowns,
-        base: &DispersionSpec,
-        at: &mut DVector<f64>,
-        covariance: &mut DMatrix<f64>,
-    ) {
+    /// Logarithm of how much wider the plume is in the mean than the one that crossings met.
+    fn ln_wider(&self) -> f64 {
+        0.5 * self.seen.ln_1p()
+    }
+
+    /// By how much the plume that crossings met is stronger on its axis than in the mean: the logarithm of a factor, and its
+    /// variance.
+    pub fn ln_stronger(&self) -> (f64, f64) {
+        let of_mean = self.few / self.independent.sqrt();
+        let sd = self.ln_wider_sd().hypot(self.may_be.sqrt() * of_mean);
+        (self.ln_wider(), sd * sd)
+    }
+
+    /// A standard deviation of n values is known to 1/√2n of itself.
+    fn ln_wider_sd(&self) -> f64 {
+        self.few * self.may_be / (1.0 + self.may_be) / (2.0 * self.freedoms).sqrt()
+    }
+
+    /// The unknowns in the mean over meanders.
+    pub fn in_the_mean(&self, unknowns: &Unknowns, base: &DispersionSpec, stated: &mut Nearest) {
         use MechanismId as M;
-        let ln_wider = 0.5 * self.seen.ln_1p();
+        let ln_wider = self.ln_wider();
         let ratio = self.may_be.sqrt();
-        // A standard deviation of n values is known to 1/√2n of itself.
-        let ln_wider_sd =
-            self.few * self.may_be / (1.0 + self.may_be) / (2.0 * self.freedoms).sqrt();
+        let ln_wider_sd = self.ln_wider_sd();
         // Across, the plume followed is as strong as it is narrow; in height, crossings have met its mean. What is
         // stated on the axis falls with the width across, and an emission holds what the height adds.
         let ln_strength = match base.sources[0].strength {
@@ -201,9 +221,14 @@ impl Meander {
                 ln_wider_sd.hypot(ratio * of_mean),
             ),
         ] {
-            if let Some(k) = unknowns.index(id, None) {
-                at[k] += shift;
-                covariance[(k, k)] += sd * sd;
+            let is_across = matches!(id, M::WindDirectionOffset | M::SigmaYScale);
+            if let Some(k) = unknowns
+                .index(id, None)
+                .filter(|_| !(self.is_followed && is_across))
+            {
+                stated.mean[k] += shift;
+                stated.covariance[(k, k)] += sd * sd;
+                stated.beforehand[k] += sd * sd;
             }
         }
     }

@@ -25,7 +25,7 @@ use crate::WsError;
 use air::geo::Enu;
 use air::wind::WindVector;
 use gap::plume::{Averaging, Carried, PlumeModel, ROWS_OF_A_SEARCH, Records, Setup, plume_place};
-use infer::{InferError, LearnedNoise, PlumePlace, Posterior, Problem};
+use infer::{InferError, LearnedNoise, Nearest, PlumePlace, Posterior, Problem};
 use meander::{Line, Meander};
 use nalgebra::{DMatrix, DVector};
 use parameters::Unknowns;
@@ -71,6 +71,8 @@ pub struct Calibrator {
     taken: u64,
     estimate: DVector<f64>,
     covariance: DMatrix<f64>,
+    /// Variances of the estimate before any reading.
+    beforehand: DVector<f64>,
     /// How far the axis lay from that of the estimate in the mean of `moments`, and how far both
     /// together may be off; none before a fit, and without a swing.
     turn: Option<infer::Estimate>,
@@ -78,7 +80,10 @@ pub struct Calibrator {
     in_the_mean: (DVector<f64>, DMatrix<f64>),
     /// Rows that there were at the last fit.
     fitted_rows: usize,
+    /// What the readings tell beside the priors of the unknowns, from which the next fit goes on.
     posterior: Option<Posterior>,
+    /// The same with what the scenario says of the plume where c_MAX is stated: what is asked of the plume is told by it.
+    believed: Option<Posterior>,
     /// What of a logged wind carries the plume; none without a log.
     carried: Option<Carried>,
     /// Direction from which the logged wind blew where the plume was met, degrees; none without a log.
@@ -108,6 +113,7 @@ impl Calibrator {
         let covariance = DMatrix::from_diagonal(&unknowns.prior_sd().map(|sd| sd * sd));
         Ok(Self {
             in_the_mean: (estimate.clone(), covariance.clone()),
+            beforehand: covariance.diagonal(),
             estimate,
             covariance,
             turn: None,
@@ -124,6 +130,7 @@ impl Calibrator {
             taken: 0,
             fitted_rows: 0,
             posterior: None,
+            believed: None,
             carried: None,
             logged_from_deg: None,
             concludes: false,
@@ -271,6 +278,7 @@ impl Calibrator {
         (self.estimate, self.covariance) = with_priors(&self.estimate, &self.covariance);
         self.in_the_mean = mean_over_meanders;
         self.posterior = None;
+        self.believed = None;
     }
 
     /// Sources beside the scenario's, as they are believed to be.
@@ -377,6 +385,7 @@ impl Calibrator {
         let problem = records.problem(&model, rows, asked);
         let posterior = depth.posterior(&problem)?;
         let nearest = model.stated(problem.nearest(&posterior)?, &posterior)?;
+        self.beforehand = nearest.beforehand;
         (self.estimate, self.covariance) = (nearest.mean, nearest.covariance);
         self.met_s = model.last_met_s(self.estimate.as_slice())?;
         let spec = self.unknowns.folded(&self.base, &self.estimate);
@@ -393,6 +402,8 @@ impl Calibrator {
             .has_logged_wind()
             .then(|| records.met_from_deg(&track, self.predicted.plume()));
         self.fitted_rows = self.row_count();
+        let ln_stronger = self.meander().map_or((0.0, 0.0), |m| m.ln_stronger());
+        self.believed = Some(model.told_beforehand(&posterior, ln_stronger)?);
         self.posterior = Some(posterior);
         self.turn = self.mean_turn();
         self.in_the_mean = self.averaged();
@@ -421,16 +432,17 @@ impl Calibrator {
         self.logged_from_deg
     }
 
-    /// Lets the wind that the turn is found against blow from a direction, as where readings carried a
-    /// wind of their own.
-    fn set_wind_from(&mut self, from_deg: f64) {
-        self.base.wind = self.base.wind.turned(from_deg - self.base.wind.from_deg());
+    /// Lets the wind that the turn is found against blow as the readings' own, where these carried one.
+    pub(crate) fn blow_as_logged(&mut self) {
+        if let Some(from_deg) = self.logged_from_deg {
+            self.base.wind = self.base.wind.turned(from_deg - self.base.wind.from_deg());
+        }
     }
 
     /// The mean mole fraction at a place over `Calibrator::moments`, ppm, with the error of form that the readings
     /// showed, in the slow wind of their middle; none before a fit.
     pub fn mean_ppm(&self, place: &Place) -> Option<Estimate> {
-        let posterior = self.posterior.as_ref()?;
+        let posterior = self.believed.as_ref()?;
         let moments = self.moments();
         let n = moments.len() as f64;
         let (mut value, mut sd) = (0.0, 0.0);
@@ -557,23 +569,34 @@ impl Calibrator {
         self.unknowns.folded(&self.base, &self.in_the_mean.0)
     }
 
+    /// The unknowns in the mean over meanders, with what the scenario says of them beforehand.
     fn averaged(&self) -> (DVector<f64>, DMatrix<f64>) {
-        let (mut at, mut covariance) = (self.estimate.clone(), self.covariance.clone());
+        let mut stated = Nearest {
+            mean: self.estimate.clone(),
+            covariance: self.covariance.clone(),
+            beforehand: self.beforehand.clone(),
+        };
         // Without a swing the axis is the unknown alone, as the gap has it.
         if let Some((k, turn)) = self.axis_index().zip(self.turn) {
-            at[k] += turn.value;
-            let grown = turn.sd / covariance[(k, k)].sqrt();
+            stated.mean[k] += turn.value;
+            let grown = turn.sd / stated.covariance[(k, k)].sqrt();
             if grown.is_finite() {
-                covariance.row_mut(k).scale_mut(grown);
-                covariance.column_mut(k).scale_mut(grown);
+                stated.covariance.row_mut(k).scale_mut(grown);
+                stated.covariance.column_mut(k).scale_mut(grown);
             }
         }
-        let meander = Meander::of(&self.predicted, self.width_deg());
-        let meander = meander.map(|m| if self.concludes { m } else { m.as_seen() });
-        if let Some(meander) = meander {
-            meander.in_the_mean(&self.unknowns, &self.base, &mut at, &mut covariance);
+        if let Some(meander) = self.meander() {
+            meander.in_the_mean(&self.unknowns, &self.base, &mut stated);
         }
-        (at, covariance)
+        let stated =
+            stated.known_beforehand(&self.unknowns.prior_mean(), &self.unknowns.prior_sd());
+        (stated.mean, stated.covariance)
+    }
+
+    /// The meander that crossings show; none where they may be those of a steady plume.
+    fn meander(&self) -> Option<Meander> {
+        let meander = Meander::of(&self.predicted, self.width_deg());
+        meander.map(|m| if self.concludes { m } else { m.as_seen() })
     }
 
     fn axis_index(&self) -> Option<usize> {

@@ -71,9 +71,7 @@ pub fn calibrate_in(
     }
     calibrator.finish();
     calibrator.conclude(scenario.fence.keep_out_radius_m + SETPOINT_MARGIN_M)?;
-    if let Some(from_deg) = calibrator.logged_from_deg() {
-        calibrator.set_wind_from(from_deg);
-    }
+    calibrator.blow_as_logged();
     let mut calibrated = calibrator.calibrated();
     // A strength that is stated otherwise is the fit's.
     let stated_kg_s = stated.value(Uncertain::Emission);

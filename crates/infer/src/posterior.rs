@@ -740,46 +740,6 @@ impl Posterior {
         }
     }
 
-    /// The same posterior where the logarithm of the plume at a place, above what is there besides, is known to be
-    /// `ln_plume` by what is known beforehand of the unknowns alone, and to the variance `more` besides. A posterior that
-    /// knows it of the unknowns, and lets an error of form be anything beside them, forgets a part (Plumlee 2017).
-    #[must_use]
-    pub fn told(
-        &self,
-        time_s: f64,
-        value: impl Fn(&[f64], f64) -> (f64, f64, PlumePlace),
-        (ln_plume, more): (f64, f64),
-    ) -> Self {
-        let mut told = self.clone();
-        let there = self.near(time_s, value);
-        let slope = there.ln_plume_slope;
-        let mut of_unknowns = slope.clone();
-        of_unknowns.rows_mut(0, self.layout.unknowns).fill(0.0);
-        let known = self.scatter.variance_beforehand(&of_unknowns) + more;
-        let forgotten = known.recip() - self.scatter.variance_beforehand(&slope).recip();
-        let off = ln_plume - there.plume.ln();
-        if !(forgotten > 0.0 && forgotten.is_finite() && off.is_finite()) {
-            return told;
-        }
-        for part in &mut told.parts {
-            let worth = part.precision.solve(&slope);
-            let variance = 1.0 + forgotten * slope.dot(&worth);
-            let left = off - slope.dot(&part.step);
-            part.weight *= (-0.5 * forgotten * left * left / variance).exp() / variance.sqrt();
-            part.step += worth * (forgotten * left / variance);
-            part.precision.rank_one_update(&slope, forgotten);
-        }
-        let all: f64 = told.parts.iter().map(|p| p.weight).sum();
-        if !(all > 0.0) {
-            return self.clone();
-        }
-        told.parts.iter_mut().for_each(|p| p.weight /= all);
-        let step = told.step();
-        let places = told.layout.weights.iter().zip(&told.fit.point.weights);
-        told.mean_weights = places.map(|(place, w)| w + step[*place]).collect();
-        told
-    }
-
     /// What is to be met at a place, linearised at the fit's point.
     fn near(&self, time_s: f64, value: impl Fn(&[f64], f64) -> (f64, f64, PlumePlace)) -> Near {
         let (fit, basis) = (&self.fit, &self.fit.basis);

@@ -539,10 +539,13 @@ pub(super) fn base_parameters(
     let priors = set.model.priors();
     let infer::Nearest {
         mean, covariance, ..
-    } = set.model.stated(nearest, &believed)?.known_beforehand(
-        &DVector::from_iterator(priors.len(), priors.iter().map(|p| p.mean)),
-        &DVector::from_iterator(priors.len(), priors.iter().map(|p| p.sd)),
-    );
+    } = set
+        .model
+        .stated(nearest, &believed, false)?
+        .known_beforehand(
+            &DVector::from_iterator(priors.len(), priors.iter().map(|p| p.mean)),
+            &DVector::from_iterator(priors.len(), priors.iter().map(|p| p.sd)),
+        );
     let wind_from_deg = met_wind(study, set).0;
     let of = |(part, prior): (usize, &super::Prior)| {
         let k = set.model.unknowns_of(part).next();

@@ -355,50 +355,8 @@ impl<'a> PlumeModel<'a> {
         })
     }
 
-    /// Where c_MAX is stated, on the axis and when the plume was last met: time and place in the plume.
-    fn where_stated(&self, at: &[f64]) -> Result<(f64, PlumePlace), InferError> {
-        let met_s = self.last_met_s(at)?;
-        let distance_m = self.stated_m();
-        let place = PlumePlace {
-            ln_distance: distance_m.ln(),
-            time_s: met_s,
-            emitted_s: met_s - distance_m / self.track.transport()[0].speed_m_s.max(1.0),
-            ..PlumePlace::default()
-        };
-        Ok((met_s, place))
-    }
-
-    /// Distance at which c_MAX is stated, m.
-    fn stated_m(&self) -> f64 {
-        self.base.sources[0].strength.c_max_distance_m()
-    }
-
-    fn stated_excess(&self, at: &[f64]) -> f64 {
-        self.axis_excess(at, self.stated_m()).unwrap_or(f64::NAN)
-    }
-
-    /// What is `believed` where the plume's concentration where c_MAX is stated is known as the scenario says, in the mean;
-    /// the plume that the readings met was as much stronger as `ln_stronger` says, and that is known to a variance.
-    ///
-    /// # Errors
-    /// Values that the model refuses.
-    pub fn told_beforehand(
-        &self,
-        believed: &infer::Posterior,
-        ln_stronger: (f64, f64),
-    ) -> Result<infer::Posterior, InferError> {
-        if self.ln_strength().is_none() {
-            return Ok(believed.clone());
-        }
-        let (met_s, place) = self.where_stated(believed.mean().as_slice())?;
-        let beforehand: Vec<f64> = self.priors().iter().map(|p| p.mean).collect();
-        let ln_plume = self.stated_excess(&beforehand).ln() + ln_stronger.0;
-        let value = |at: &[f64], _: f64| (0.0, self.stated_excess(at), place);
-        Ok(believed.told(met_s, value, (ln_plume, ln_stronger.1)))
-    }
-
     /// What is stated of the unknowns of the `nearest` plume: the strength may be off by the error of form
-    /// where c_MAX is stated as well.
+    /// where c_MAX is stated, on the axis and when the plume was last met, or in the mean over time, as well.
     ///
     /// # Errors
     /// Values that the model refuses.
@@ -406,13 +364,26 @@ impl<'a> PlumeModel<'a> {
         &self,
         mut nearest: infer::Nearest,
         believed: &infer::Posterior,
+        in_the_mean: bool,
     ) -> Result<infer::Nearest, InferError> {
         let Some(k) = self.ln_strength() else {
             return Ok(nearest);
         };
         let at = nearest.mean.as_slice();
-        let (met_s, here) = self.where_stated(at)?;
-        let on_axis = |at: &[f64]| self.stated_excess(at);
+        let met_s = self.last_met_s(at)?;
+        let distance_m = self.base.sources[0].strength.c_max_distance_m();
+        let under_way_s = distance_m / self.track.transport()[0].speed_m_s.max(1.0);
+        let here = PlumePlace {
+            ln_distance: distance_m.ln(),
+            time_s: met_s,
+            emitted_s: if in_the_mean {
+                f64::NAN
+            } else {
+                met_s - under_way_s
+            },
+            ..PlumePlace::default()
+        };
+        let on_axis = |at: &[f64]| self.axis_excess(at, distance_m).unwrap_or(f64::NAN);
         let with_form = believed.at_place(met_s, |at, _| (0.0, on_axis(at), here));
         let value = on_axis(at);
         let slopes = (0..at.len()).map(|i| {

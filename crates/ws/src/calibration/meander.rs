@@ -159,6 +159,23 @@ impl Meander {
         })
     }
 
+    /// What is expected of it where crossings are too few to show any; none where there are enough, or no plume.
+    pub fn expected(predicted: &Predicted, width_deg: f64) -> Option<Self> {
+        let crossings = predicted.axis().len();
+        let too_few = (1..LEAST_CROSSINGS).contains(&crossings) && predicted.shows_a_plume();
+        too_few.then(|| Self {
+            seen: 0.0,
+            may_be: 1.0,
+            is_followed: false,
+            width_deg,
+            freedoms: WORTH,
+            few: few(WORTH),
+            independent: crossings as f64,
+            independent_in_height: 1.0,
+            sigma_z_m: predicted.sigma_z_m(),
+        })
+    }
+
     /// The same by the crossings alone, as in flight: there the next passes are laid by it, and those that are laid
     /// wider than the plume tell less of it.
     pub fn as_seen(self) -> Self {
@@ -170,30 +187,14 @@ impl Meander {
         }
     }
 
-    /// Logarithm of how much wider the plume is in the mean than the one that crossings met.
-    fn ln_wider(&self) -> f64 {
-        0.5 * self.seen.ln_1p()
-    }
-
-    /// By how much the plume that crossings met is stronger on its axis than in the mean: the logarithm of a factor, and its
-    /// variance.
-    pub fn ln_stronger(&self) -> (f64, f64) {
-        let of_mean = self.few / self.independent.sqrt();
-        let sd = self.ln_wider_sd().hypot(self.may_be.sqrt() * of_mean);
-        (self.ln_wider(), sd * sd)
-    }
-
-    /// A standard deviation of n values is known to 1/√2n of itself.
-    fn ln_wider_sd(&self) -> f64 {
-        self.few * self.may_be / (1.0 + self.may_be) / (2.0 * self.freedoms).sqrt()
-    }
-
     /// The unknowns in the mean over meanders.
     pub fn in_the_mean(&self, unknowns: &Unknowns, base: &DispersionSpec, stated: &mut Nearest) {
         use MechanismId as M;
-        let ln_wider = self.ln_wider();
+        let ln_wider = 0.5 * self.seen.ln_1p();
         let ratio = self.may_be.sqrt();
-        let ln_wider_sd = self.ln_wider_sd();
+        // A standard deviation of n values is known to 1/√2n of itself.
+        let ln_wider_sd =
+            self.few * self.may_be / (1.0 + self.may_be) / (2.0 * self.freedoms).sqrt();
         // Across, the plume followed is as strong as it is narrow; in height, crossings have met its mean. What is
         // stated on the axis falls with the width across, and an emission holds what the height adds.
         let ln_strength = match base.sources[0].strength {

@@ -80,10 +80,7 @@ pub struct Calibrator {
     in_the_mean: (DVector<f64>, DMatrix<f64>),
     /// Rows that there were at the last fit.
     fitted_rows: usize,
-    /// What the readings tell beside the priors of the unknowns, from which the next fit goes on.
     posterior: Option<Posterior>,
-    /// The same with what the scenario says of the plume where c_MAX is stated: what is asked of the plume is told by it.
-    believed: Option<Posterior>,
     /// What of a logged wind carries the plume; none without a log.
     carried: Option<Carried>,
     /// Direction from which the logged wind blew where the plume was met, degrees; none without a log.
@@ -93,6 +90,8 @@ pub struct Calibrator {
     /// When the plume was last met, s.
     met_s: f64,
     predicted: peak::Predicted,
+    /// The meander that crossings show; none where they may be those of a steady plume.
+    meander: Option<Meander>,
 }
 
 impl Calibrator {
@@ -130,12 +129,12 @@ impl Calibrator {
             taken: 0,
             fitted_rows: 0,
             posterior: None,
-            believed: None,
             carried: None,
             logged_from_deg: None,
             concludes: false,
             met_s: 0.0,
             predicted: peak::Predicted::default(),
+            meander: None,
         })
     }
 
@@ -278,7 +277,6 @@ impl Calibrator {
         (self.estimate, self.covariance) = with_priors(&self.estimate, &self.covariance);
         self.in_the_mean = mean_over_meanders;
         self.posterior = None;
-        self.believed = None;
     }
 
     /// Sources beside the scenario's, as they are believed to be.
@@ -384,9 +382,8 @@ impl Calibrator {
             .with_unknown(self.unknowns.added_sources());
         let problem = records.problem(&model, rows, asked);
         let posterior = depth.posterior(&problem)?;
-        let nearest = model.stated(problem.nearest(&posterior)?, &posterior)?;
-        self.beforehand = nearest.beforehand;
-        (self.estimate, self.covariance) = (nearest.mean, nearest.covariance);
+        let nearest = problem.nearest(&posterior)?;
+        self.estimate.clone_from(&nearest.mean);
         self.met_s = model.last_met_s(self.estimate.as_slice())?;
         let spec = self.unknowns.folded(&self.base, &self.estimate);
         self.predicted = peak::Predicted::of(
@@ -402,8 +399,15 @@ impl Calibrator {
             .has_logged_wind()
             .then(|| records.met_from_deg(&track, self.predicted.plume()));
         self.fitted_rows = self.row_count();
-        let ln_stronger = self.meander().map_or((0.0, 0.0), |m| m.ln_stronger());
-        self.believed = Some(model.told_beforehand(&posterior, ln_stronger)?);
+        let width_deg = self.width_deg();
+        let seen = Meander::of(&self.predicted, width_deg);
+        self.meander = if self.concludes {
+            seen.or_else(|| Meander::expected(&self.predicted, width_deg))
+        } else {
+            seen.map(Meander::as_seen)
+        };
+        let stated = model.stated(nearest, &posterior, self.meander.is_some())?;
+        (self.covariance, self.beforehand) = (stated.covariance, stated.beforehand);
         self.posterior = Some(posterior);
         self.turn = self.mean_turn();
         self.in_the_mean = self.averaged();
@@ -442,7 +446,7 @@ impl Calibrator {
     /// The mean mole fraction at a place over `Calibrator::moments`, ppm, with the error of form that the readings
     /// showed, in the slow wind of their middle; none before a fit.
     pub fn mean_ppm(&self, place: &Place) -> Option<Estimate> {
-        let posterior = self.believed.as_ref()?;
+        let posterior = self.posterior.as_ref()?;
         let moments = self.moments();
         let n = moments.len() as f64;
         let (mut value, mut sd) = (0.0, 0.0);
@@ -585,18 +589,12 @@ impl Calibrator {
                 stated.covariance.column_mut(k).scale_mut(grown);
             }
         }
-        if let Some(meander) = self.meander() {
+        if let Some(meander) = self.meander {
             meander.in_the_mean(&self.unknowns, &self.base, &mut stated);
         }
         let stated =
             stated.known_beforehand(&self.unknowns.prior_mean(), &self.unknowns.prior_sd());
         (stated.mean, stated.covariance)
-    }
-
-    /// The meander that crossings show; none where they may be those of a steady plume.
-    fn meander(&self) -> Option<Meander> {
-        let meander = Meander::of(&self.predicted, self.width_deg());
-        meander.map(|m| if self.concludes { m } else { m.as_seen() })
     }
 
     fn axis_index(&self) -> Option<usize> {

@@ -25,6 +25,8 @@ const LEAST_CROSSINGS: usize = 2;
 const AGREES_SD: f64 = 2.0;
 /// A peak of which less is known than this part of its excess, one standard deviation, is hardly known.
 const HARDLY_KNOWN: f64 = 0.5;
+/// Differences for the slopes of a peak: parts of the standard deviation of an unknown, within which the peak is about linear.
+const DIFFERENCE_SD: f64 = 0.3;
 /// A plume was read where it explains the squares of so many standard deviations of the sensor.
 pub const READ_SD: f64 = 5.0;
 
@@ -235,7 +237,13 @@ impl Calibrator {
     /// The highest concentration where set-points may go, in the mean of the last minutes in which the plume was met;
     /// none before a fit, or
     /// where they may go nowhere.
+    ///
+    /// Where the plume meanders it is that of the plume in the mean: an error of form found in a few crossings is that of
+    /// the puffs which they met.
     pub fn peak(&self, airspace: &Airspace) -> Option<Peak> {
+        if self.meander.is_some() {
+            return self.peak_in_the_mean(airspace);
+        }
         let model = DispersionModel::new(self.latest_spec()).ok()?;
         let time_s = self.stated_s();
         let found = highest_of(&model, airspace, SETPOINT_MARGIN_M, time_s)?;
@@ -275,6 +283,52 @@ impl Calibrator {
             lon_deg: geodetic.lon_deg,
             alt_amsl_m: height_m,
             co2_ppm: there.value,
+            sd_ppm: there.sd,
+            time_s,
+            status: self.status(&there, excess_ppm),
+        })
+    }
+
+    fn peak_in_the_mean(&self, airspace: &Airspace) -> Option<Peak> {
+        let (at, covariance) = &self.in_the_mean;
+        let time_s = self.stated_s();
+        let highest = |at: &DVector<f64>| -> Option<(Position, f64, f64)> {
+            let model = DispersionModel::new(self.unknowns.folded(&self.base, at)).ok()?;
+            let position = highest_of(&model, airspace, SETPOINT_MARGIN_M, time_s)?.position;
+            let place = Place {
+                east_m: position.at.east_m,
+                north_m: position.at.north_m,
+                height_agl_m: position.height_m - airspace.frame().ground_amsl_m,
+            };
+            let ppm = model.mean_ppm(&place, time_s);
+            Some((position, ppm, ppm - model.background_ppm(&place, time_s)))
+        };
+        let (position, co2_ppm, excess_ppm) = highest(at)?;
+        let slope = |k: usize| -> Option<f64> {
+            let step = DIFFERENCE_SD * covariance[(k, k)].sqrt();
+            let aside = |by: f64| {
+                let mut aside = at.clone();
+                aside[k] += by;
+                highest(&aside).map(|h| h.1)
+            };
+            Some(if step > 0.0 {
+                (aside(step)? - aside(-step)?) / (2.0 * step)
+            } else {
+                0.0
+            })
+        };
+        let slopes: Option<Vec<f64>> = (0..at.len()).map(slope).collect();
+        let slopes = DVector::from_vec(slopes?);
+        let there = Estimate {
+            value: co2_ppm,
+            sd: (covariance * &slopes).dot(&slopes).max(0.0).sqrt(),
+        };
+        let geodetic = airspace.frame().to_geodetic(position.at);
+        Some(Peak {
+            lat_deg: geodetic.lat_deg,
+            lon_deg: geodetic.lon_deg,
+            alt_amsl_m: position.height_m,
+            co2_ppm,
             sd_ppm: there.sd,
             time_s,
             status: self.status(&there, excess_ppm),

@@ -53,9 +53,9 @@ fn read(path: &Path) -> Result<()> {
     }
 
     // Readings of the real vehicles, as rows for calibration and gap analysis.
-    let measured = record::observations::of_recording(&recording, 1.0)?;
+    let measured = record::observations::of_recording(&recording)?;
     println!(
-        "{} readings of real vehicles, one a second; the first as CSV:",
+        "{} readings of real vehicles; the first as CSV:",
         measured.readings()
     );
     for line in measured.to_csv().lines().take(3) {

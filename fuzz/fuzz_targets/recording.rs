@@ -11,6 +11,6 @@ fuzz_target!(|data: &[u8]| {
         && let Ok(recording) = read_mcap(&path)
     {
         let _ = recording.digest();
-        let _ = observations::of_recording(&recording, 1.0);
+        let _ = observations::of_recording(&recording);
     }
 });

@@ -44,7 +44,7 @@ use infer::{Contact, ForwardModel, Found, InferError, Judgement, Policy, Questio
 use scenario::observations::{Observations, checks};
 
 use crate::GapError;
-use crate::verdict::{GapJson, Readings};
+use crate::verdict::{GapJson, Readings, Verdict};
 use catalogue::Tried;
 use data::Data;
 
@@ -113,8 +113,17 @@ pub struct Analysis {
     pub logged_wind: Option<(f64, f64)>,
     /// Series, tables and maps for a report.
     pub report: GapReport,
+    /// The set that was named, from which an analysis of more readings may go on.
+    pub named: Option<NamedSet>,
     /// What was judged, whether it stands or not.
     pub considered: Considered,
+}
+
+/// Mechanisms that were named, with their fit.
+#[derive(Debug, Clone)]
+pub struct NamedSet {
+    names: Vec<Tried>,
+    fit: infer::Fit,
 }
 
 /// A mechanism, and its platform where it acts on one alone.
@@ -159,6 +168,20 @@ pub fn analyse(
     options: &Options,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Analysis, GapError> {
+    analyse_from(None, setup, observations, options, progress)
+}
+
+/// The same of more of the readings of an analysis before: a set that was named before is among those that are judged.
+///
+/// # Errors
+/// As of [`analyse`].
+pub fn analyse_from(
+    named_before: Option<&NamedSet>,
+    setup: &Setup,
+    observations: &Observations,
+    options: &Options,
+    progress: &mut dyn FnMut(Progress),
+) -> Result<Analysis, GapError> {
     // Two sensors that fly together tell of each other what no plume has to explain.
     let checked = checks::check(observations, &setup.base, &setup.frame).observations;
     let pairs = if options.complete {
@@ -168,13 +191,14 @@ pub fn analyse(
     };
     let late = pair::late(&pairs, &options.policy);
     let own = pair::with_late(setup, &late);
-    let mut analysis = analyse_alone(&own, observations, options, progress)?;
+    let mut analysis = analyse_alone(named_before, &own, observations, options, progress)?;
     pair::told(&mut analysis, pairs, late);
     Ok(analysis)
 }
 
 /// The same for readings of which pairs of sensors have told what they tell.
 fn analyse_alone(
+    named_before: Option<&NamedSet>,
     setup: &Setup,
     observations: &Observations,
     options: &Options,
@@ -183,10 +207,44 @@ fn analyse_alone(
     let readings = Readings::of(observations);
     let (observations, zero_s) = observations.counted_from_near_zero()?;
     let setup = setup.counted_from(zero_s);
-    let mut analysis = analyse_once(&setup, &observations, options, progress)?;
+    let mut analysis = analyse_once(&setup, &observations, named_before, options, progress)?;
+    // Where two plumes were met, the base may follow both by turns, and in its valley nothing explains them. What was named
+    // on the first half of the readings, which have led it less far, is tried on all.
+    let is_alone = named_before.is_none() && options.complete;
+    if is_alone && analysis.json.verdict == Verdict::Unexplained {
+        let first = Options {
+            complete: false,
+            ..options.clone()
+        };
+        let half = first_half(&observations);
+        let first = analyse_once(&setup, &half, None, &first, &mut |_| {});
+        if let Some(named) = first.ok().and_then(|first| first.named) {
+            let other = analyse_once(&setup, &observations, Some(&named), options, progress)?;
+            let explains_more = other.json.causes.len() > analysis.json.causes.len();
+            if other.json.verdict != Verdict::Unexplained || explains_more {
+                analysis = other;
+            }
+        }
+    }
     zero::told_from(&mut analysis, zero_s);
     analysis.json.readings = Some(readings);
     Ok(analysis)
+}
+
+/// The rows of the first half of the time.
+fn first_half(observations: &Observations) -> Observations {
+    let times = || observations.rows.iter().map(|r| r.time_s);
+    let first_s = times().fold(f64::INFINITY, f64::min);
+    let last_s = times().fold(f64::NEG_INFINITY, f64::max);
+    let rows = observations.rows.iter().copied();
+    Observations {
+        rows: rows
+            .filter(|r| r.time_s <= 0.5 * (first_s + last_s))
+            .collect(),
+        // One cell a row of all.
+        extra: Vec::new(),
+        ..observations.clone()
+    }
 }
 
 /// What all parts of an answer are made from.
@@ -205,10 +263,11 @@ struct Study<'a> {
     carried: Option<wind::Carried>,
 }
 
-/// Analyses observations whose times count from near zero.
+/// Analyses observations whose times count from near zero. A set that was named before is among those that are judged.
 fn analyse_once(
     setup: &Setup,
     observations: &Observations,
+    named_before: Option<&NamedSet>,
     options: &Options,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Analysis, GapError> {
@@ -254,12 +313,19 @@ fn analyse_once(
     let base = question.set_from(&model, Vec::new(), &first_base)?;
     tell(0.25, "testing whether the readings follow the plume");
     let contact = first_question.contact(&first_model, base.at())?;
-    let named = match aimed(&first_question, &first_model, &model, contact.as_ref())? {
+    let mut named = match aimed(&first_question, &first_model, &model, contact.as_ref())? {
         Some((found, aimed)) => {
             vec![question.set_from(&aimed, found.names.clone(), found.fit())?]
         }
         None => Vec::new(),
     };
+    if let Some(NamedSet { names, fit }) = named_before {
+        let with_names = names.iter().fold(model.clone(), |m, n| m.with(&n.part));
+        // Other readings may tell of other unknowns, as of zeros.
+        if with_names.priors().len() == fit.point.at.len() {
+            named.push(question.set_from(&with_names, names.clone(), fit)?);
+        }
+    }
     tell(0.35, "searching for causes");
     let here = base.model.predict(base.at(), &question.turns_deg(&base))?;
     let world = base.model.world(base.at())?;

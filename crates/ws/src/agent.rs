@@ -657,7 +657,7 @@ impl Agent for WorldSimulator {
                     self.publish_model(now.s(), out);
                 } else if let Some(found) = result.take() {
                     if let Some(gap) = &mut self.gap {
-                        gap.has_looked();
+                        gap.has_looked(&found);
                     }
                     self.learn_gap(found, out);
                 }

@@ -2,9 +2,10 @@
 //!
 //! When the plume is located, and at each further phase where what is found is to be adopted, the readings are analysed
 //! as `plumage gap plume` would analyse them from a file, only lighter. Such a look takes seconds, so it is computed
-//! beside the ticks. At the end of the mission all of them are analysed just as from the recording: both say the same.
+//! beside the ticks. At the end of the mission all of them are analysed just as from the recording, with what was named
+//! before among what is judged.
 
-use gap::plume::{Analysis, Averaging, Options, Setup, analyse};
+use gap::plume::{Analysis, Averaging, NamedSet, Options, Setup, analyse_from};
 use gap::verdict::Verdict;
 use protocol::SimTime;
 use protocol::message::{Extension, GapCause, MechanismSetting, Reading, verdict_text};
@@ -25,6 +26,8 @@ pub struct LiveGap {
     looked_at: usize,
     taken: usize,
     looks: bool,
+    /// What the last look has named.
+    named: Option<NamedSet>,
 }
 
 impl LiveGap {
@@ -47,6 +50,7 @@ impl LiveGap {
             looked_at: 0,
             taken: 0,
             looks: false,
+            named: None,
         }))
     }
 
@@ -101,13 +105,15 @@ impl LiveGap {
             setup: self.setup.clone(),
             adopt: self.adopt,
             observations: self.observations.clone(),
+            named_before: self.named.clone(),
             options,
         }
     }
 
     /// A look that was under way has been computed.
-    pub fn has_looked(&mut self) {
+    pub fn has_looked(&mut self, found: &LookResult) {
         self.looks = false;
+        self.named.clone_from(&found.named);
     }
 }
 
@@ -116,6 +122,7 @@ pub struct Look {
     setup: Setup,
     adopt: bool,
     observations: Observations,
+    named_before: Option<NamedSet>,
     options: Options,
 }
 
@@ -125,12 +132,15 @@ pub struct LookResult {
     pub extension: Extension,
     /// The verdict in words.
     pub words: String,
+    named: Option<NamedSet>,
 }
 
 impl Look {
     /// Analyses the readings.
     pub fn compute(self) -> LookResult {
-        match analyse(&self.setup, &self.observations, &self.options, &mut |_| {}) {
+        let named = self.named_before.as_ref();
+        let (setup, observations) = (&self.setup, &self.observations);
+        match analyse_from(named, setup, observations, &self.options, &mut |_| {}) {
             Ok(analysis) => self.said(&analysis),
             Err(e) => LookResult {
                 extension: Extension {
@@ -140,6 +150,7 @@ impl Look {
                     adopt: false,
                 },
                 words: format!("reality gap: the readings so far cannot be analysed: {e}"),
+                named: None,
             },
         }
     }
@@ -161,6 +172,7 @@ impl Look {
                 adopt: self.adopt,
             },
             words: summary(analysis, self.observations.rows.len()),
+            named: analysis.named.clone(),
         }
     }
 }

@@ -3,10 +3,10 @@
 use ::plume::Gas;
 use ::plume::mechanism::{Coordinate, MechanismId};
 use air::geo::wrap_deg;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 use scenario::observations::Observations;
 
-use infer::{Cause as Named, ForwardModel as _, Found, InferError, SWING};
+use infer::{Cause as Named, Found, InferError, SWING};
 
 use super::catalogue::Tried;
 use super::data::{Data, Setup, mean_transport};
@@ -15,8 +15,8 @@ use super::model::{PlumeModel, Unknown, fitted};
 use super::own::HELD;
 use super::report::{GapReport, report};
 use super::{
-    Analysis, Considered, FEWEST_READINGS, FOLLOWED, Labelled, ONE_DIRECTION_DEG, Options, Study,
-    gate, residual, wind,
+    Analysis, Considered, FEWEST_READINGS, FOLLOWED, Labelled, NamedSet, ONE_DIRECTION_DEG,
+    Options, Study, gate, residual, wind,
 };
 use crate::verdict::{
     BaseParameter, Candidate, Cause, Contact, DataQuality, Detectable, Discrepancy, Evidence,
@@ -116,6 +116,10 @@ pub(crate) fn stated(
             .collect(),
         logged_wind: study.data.on_board_wind.then(|| met_wind(study, set)),
         report: report(study, gained.as_ref()),
+        named: (named && !judged.set.names.is_empty()).then(|| NamedSet {
+            names: judged.set.names.clone(),
+            fit: judged.set.fit().clone(),
+        }),
         considered: considered(study),
     })
 }
@@ -536,16 +540,9 @@ pub(super) fn base_parameters(
 ) -> Result<Vec<BaseParameter>, InferError> {
     let believed = study.question.posterior(set)?;
     let nearest = study.question.nearest(set, &believed)?;
-    let priors = set.model.priors();
     let infer::Nearest {
         mean, covariance, ..
-    } = set
-        .model
-        .stated(nearest, &believed, false)?
-        .known_beforehand(
-            &DVector::from_iterator(priors.len(), priors.iter().map(|p| p.mean)),
-            &DVector::from_iterator(priors.len(), priors.iter().map(|p| p.sd)),
-        );
+    } = set.model.stated(nearest, &believed, false)?;
     let wind_from_deg = met_wind(study, set).0;
     let of = |(part, prior): (usize, &super::Prior)| {
         let k = set.model.unknowns_of(part).next();
@@ -690,6 +687,7 @@ pub(crate) fn nothing_to_tell(
         base: Vec::new(),
         logged_wind: None,
         report: GapReport::default(),
+        named: None,
         considered: Considered::default(),
     }
 }

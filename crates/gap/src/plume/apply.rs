@@ -127,6 +127,7 @@ pub fn apply(
         base: Vec::new(),
         logged_wind: None,
         report: report::report(&study, Some(&gained)),
+        named: None,
         considered: Considered::default(),
         json,
     };

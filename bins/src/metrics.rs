@@ -15,6 +15,7 @@ use views::server::{self, Limits};
 const LIMITS: Limits = Limits {
     connections: 8,
     request_within: Duration::from_secs(5),
+    reads_within: Duration::from_secs(5),
     closed_within: Some(Duration::from_secs(5)),
 };
 

@@ -34,6 +34,7 @@ const VIEWERS: usize = 64;
 const LIMITS: Limits = Limits {
     connections: VIEWERS,
     request_within: Duration::from_secs(10),
+    reads_within: Duration::from_secs(10),
     closed_within: None,
 };
 /// First byte of a message with data.

@@ -44,6 +44,7 @@ const CONNECTIONS: usize = 64;
 const LIMITS: Limits = Limits {
     connections: CONNECTIONS,
     request_within: Duration::from_secs(10),
+    reads_within: Duration::from_secs(10),
     closed_within: None,
 };
 /// Cookie with the token of a page.

@@ -1,7 +1,7 @@
 //! How the page, Foxglove and metrics are served: HTTP/1.1 with a bounded number of connections, none of which may be
-//! held without a request.
+//! held without a request, or without reading the answer.
 //!
-//! `axum::serve` has neither limit, hence the loop here over hyper, on which axum stands.
+//! `axum::serve` has none of these limits, hence the loop here over hyper, on which axum stands.
 
 use axum::Router;
 use axum::extract::Request;
@@ -19,6 +19,7 @@ use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::task::JoinSet;
+use tokio_io_timeout::TimeoutStream;
 
 /// Time before the next connection is accepted where the system has no file left for one.
 const NO_FILE: Duration = Duration::from_millis(200);
@@ -32,6 +33,8 @@ pub struct Limits {
     pub connections: usize,
     /// How long a request may take to arrive, and a connection may stay without one.
     pub request_within: Duration,
+    /// How long the other side may read nothing of what is sent to it.
+    pub reads_within: Duration,
     /// How long a connection may last with its one request and answer; without it, a connection serves many.
     pub closed_within: Option<Duration>,
 }
@@ -84,8 +87,12 @@ async fn connection(
     if limits.closed_within.is_some() {
         http.keep_alive(false).max_buf_size(SHORT_REQUEST_BYTES);
     }
+    // Whoever asks on and on without reading, or opens a page and reads none of it, would keep its place for ever.
+    let mut stream = TimeoutStream::new(stream);
+    stream.set_write_timeout(Some(limits.reads_within));
+    let stream = TokioIo::new(Box::pin(stream));
     let served = http
-        .serve_connection(TokioIo::new(stream), TowerToHyperService::new(app))
+        .serve_connection(stream, TowerToHyperService::new(app))
         .with_upgrades();
     tokio::pin!(served);
     let expires = async {

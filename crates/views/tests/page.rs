@@ -285,6 +285,32 @@ async fn connections_that_never_ask_are_few_and_dropped() {
     assert!(page.unwrap().starts_with("HTTP/1.1 200"));
 }
 
+#[tokio::test]
+async fn clients_that_ask_without_reading_keep_nobody_out() {
+    let served = served().await;
+    let request = format!("GET /page.js HTTP/1.1\r\nHost: {}\r\n\r\n", served.address);
+    let requests = request.repeat(2000).into_bytes();
+    let mut deaf = Vec::new();
+    for _ in 0..70 {
+        let (stream, requests) = (
+            TcpStream::connect(&served.address).await.unwrap(),
+            requests.clone(),
+        );
+        deaf.push(tokio::spawn(async move {
+            let mut stream = stream;
+            let _ = stream.write_all(&requests).await;
+            // Open, and deaf, for as long as the test lasts.
+            std::future::pending::<TcpStream>().await
+        }));
+    }
+    tokio::time::sleep(Duration::from_millis(500)).await;
+    let host = format!("Host: {}\r\n", served.address);
+    let page = ask(&served.address, "/", &host);
+    let page = tokio::time::timeout(Duration::from_secs(25), page).await;
+    assert!(page.is_ok_and(|page| page.starts_with("HTTP/1.1 200")));
+    deaf.iter().for_each(tokio::task::JoinHandle::abort);
+}
+
 /// Sockets that this process has accepted at `port`: those files of it that are sockets connected from there. None
 /// where the system does not tell.
 fn served_by_this_process(port: u16) -> Option<usize> {

@@ -6,7 +6,7 @@
 
 use crate::ScenarioError;
 use crate::check::{place, syntax};
-use crate::reality::merge_table;
+use crate::reality::{MECHANISM, merge_table};
 use crate::tables::Scenario;
 use toml::{Table, Value};
 
@@ -85,8 +85,6 @@ pub const REALITIES: [NamedReality; 13] = [
 const NOTHING: &str = "none";
 /// Between names of realities that hold together.
 pub const AND: char = '+';
-/// The table of a reality that is a list of extensions.
-const MECHANISM: &str = "mechanism";
 
 /// `changes` are tables of a reality, or the keys of one mechanism.
 const fn reality(name: &'static str, what: &'static str, changes: &'static str) -> NamedReality {

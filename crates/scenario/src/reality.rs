@@ -2,7 +2,7 @@
 //! differ. The n-th `[[reality.source]]` changes the n-th `[[source]]`.
 
 use crate::check::Refusal;
-use crate::tables::Scenario;
+use crate::tables::{Scenario, USUAL_SLOW_TIME_S};
 use crate::uncertain::Uncertain;
 use plume::Unit;
 use rand::Rng;
@@ -16,8 +16,11 @@ const REALITY_TABLES: [&str; 6] = [
     "plume",
     "background",
     "sensor",
-    "mechanism",
+    MECHANISM,
 ];
+
+/// The table of a reality that is a list of extensions.
+pub(crate) const MECHANISM: &str = "mechanism";
 
 /// Draws from a prior end here, in standard deviations: beyond, factors and amounts would soon be none.
 const FARTHEST_DRAW_SD: f64 = 2.0;
@@ -76,6 +79,59 @@ impl Scenario {
             .map_err(|e: toml::de::Error| refuse(e.message().to_owned()))?;
         reality.define_gases()?;
         Ok(reality)
+    }
+
+    /// This scenario, changed by findings, with the reality that it had `before`. Without this, a `[reality]` that states
+    /// only some keys would take the changed values of all others, the list of mechanisms included. A scenario that
+    /// states no reality is left alone: its stand-ins fly in the scenario's own world.
+    #[must_use]
+    pub fn with_reality_of(self, before: &Scenario) -> Self {
+        if before.reality.is_none() {
+            return self;
+        }
+        let mut world = before.in_reality();
+        world.state_defaults(&self);
+        // A scenario writes itself: there is nothing to refuse.
+        let table = |scenario: &Scenario| Table::try_from(scenario).unwrap_or_default();
+        let (mut reality, own) = (table(&world), table(&self));
+        reality
+            .retain(|name, value| REALITY_TABLES.contains(&name) && own.get(name) != Some(&*value));
+        if world.mechanisms.is_empty() && !self.mechanisms.is_empty() {
+            reality.insert(MECHANISM.to_owned(), Value::Array(Vec::new()));
+        }
+        if let Some(Value::Array(sensors)) = reality.get_mut("sensor") {
+            // A sensor without a gas changes all: those with one have to follow it.
+            sensors.sort_by_key(|sensor| sensor.get("gas").is_some());
+        }
+        Self {
+            reality: Some(reality),
+            ..self
+        }
+    }
+
+    /// States what holds where this scenario leaves out a key that `changed` states: a reality cannot remove a key.
+    fn state_defaults(&mut self, changed: &Scenario) {
+        let gas = self.gas();
+        for (own, changed) in self.sources.iter_mut().zip(&changed.sources) {
+            let height_m = own.axis_height_agl_m();
+            if changed.effective_height_m.is_some() {
+                own.effective_height_m.get_or_insert(height_m);
+            }
+        }
+        for (own, changed) in self.sensor.0.iter_mut().zip(&changed.sensor.0) {
+            let noise_sd_ppm = own.noise_sd_ppm(own.gas.unwrap_or(gas));
+            let slow_sd_ppm = own.slow_sd_ppm.unwrap_or_default();
+            let slow_time_s = own.slow_time_s.unwrap_or(USUAL_SLOW_TIME_S);
+            for (own, is_changed, default) in [
+                (&mut own.noise_sd_ppm, changed.noise_sd_ppm, noise_sd_ppm),
+                (&mut own.slow_sd_ppm, changed.slow_sd_ppm, slow_sd_ppm),
+                (&mut own.slow_time_s, changed.slow_time_s, slow_time_s),
+            ] {
+                if is_changed.is_some() {
+                    own.get_or_insert(default);
+                }
+            }
+        }
     }
 
     /// The world that stand-ins fly in, as a scenario of its own: this one where `[reality]` says

@@ -78,6 +78,100 @@ fn reality_may_give_the_source_by_its_emission() {
     assert_eq!(reality.sources[0].c_max_ppm, Some(300.0));
 }
 
+/// `before`, changed in all that a finding may set.
+fn extended(before: &Scenario) -> Scenario {
+    let mut after = before.clone();
+    after.weather.series = None;
+    for key in Uncertain::ALL {
+        if let Some(value) = before.value(key) {
+            after.set_with_sd(key, 1.1 * value + 0.1, 0.1);
+        }
+    }
+    let sensor = after.sensor_mut();
+    sensor.noise_sd_ppm = Some(7.0);
+    sensor.slow_sd_ppm = Some(8.0);
+    sensor.slow_time_s = Some(9.0);
+    let class = plume::Mechanism::from_values(plume::MechanismId::StabilityClass, &[1.0]);
+    after.extend(&[class]);
+    after.with_reality_of(before)
+}
+
+/// What stand-ins meet: the air, the sources, and what their sensors do. As text, since a parameter that a mechanism
+/// does not have is no number.
+fn world(scenario: &Scenario) -> String {
+    let reality = scenario.in_reality();
+    let sensors = reality.sensor.0.iter().map(|sensor| {
+        let slow = (
+            sensor.slow_sd_ppm.unwrap_or(0.0),
+            sensor.slow_time_s.unwrap_or(100.0),
+        );
+        let noise_sd_ppm = sensor.noise_sd_ppm(sensor.gas.unwrap_or(Gas::Co2));
+        let gain = (sensor.gain, sensor.offset_ppm, sensor.drift_ppm_per_h);
+        (sensor.gas, sensor.time_constant_s, noise_sd_ppm, slow, gain)
+    });
+    format!(
+        "{:#?} {:?} {:?} {:?}",
+        reality.dispersion_spec().unwrap(),
+        reality.weather.series,
+        reality.mechanisms,
+        sensors.collect::<Vec<_>>(),
+    )
+}
+
+#[test]
+fn what_is_found_changes_no_reality() {
+    let with = |more: &str| format!("{LEAST}{more}");
+    let texts = [
+        AS_PONTES.to_owned(),
+        with("[reality.weather]\nwind_from_deg = 250.0\n"),
+        with("[reality]\nmechanism = [{ id = \"sensor-lag\", time_constant_s = 9.0 }]\n"),
+        with(
+            "[[mechanism]]\nid = \"sensor-offset\"\noffset_ppm = 3.0\n[reality.plume]\nsigma_y_scale = 2.0\n",
+        ),
+        with("[[reality.source]]\nc_max_ppm = 300\nc_max_distance_m = 2000\n"),
+        with("[weather]\nseries = \"w.csv\"\n[reality.sensor]\ngain = 1.2\n"),
+        with("[reality.weather]\nseries = \"w.csv\"\n"),
+        with("[background]\nco2_ppb = 450000.0\n[reality.plume]\nsigma_y_scale = 2.0\n"),
+        with(
+            "[[sensor]]\ngas = \"ch4\"\ntime_constant_s = 4.0\n[[sensor]]\ntime_constant_s = 2.0\n\
+              [reality]\nsensor = [{ gas = \"co2\", gain = 1.3 }]\n",
+        ),
+    ];
+    for text in texts {
+        let before = Scenario::parse("s.toml", &text).unwrap();
+        let after = extended(&before);
+        assert_eq!(world(&before), world(&after), "{}", after.to_toml());
+        let read = Scenario::parse("extended.toml", &after.to_toml()).unwrap();
+        assert_eq!(world(&before), world(&read), "{}", after.to_toml());
+    }
+    // Without a reality, the stand-ins fly in the world that is stated.
+    let none = extended(&Scenario::parse("s.toml", LEAST).unwrap());
+    assert_eq!(none.reality, None);
+}
+
+#[test]
+fn an_unchanged_reality_states_no_more() {
+    let before = Scenario::parse("s.toml", &with_class_b()).unwrap();
+    let mut after = before.clone();
+    let lag = plume::Mechanism::from_values(plume::MechanismId::SensorLag, &[2.0]);
+    after.extend(&[lag]);
+    let after = after.with_reality_of(&before);
+    assert!(
+        after.to_toml().contains("[reality]\nmechanism = []\n"),
+        "{}",
+        after.to_toml()
+    );
+    assert!(
+        !after.to_toml().contains("[reality.sensor]"),
+        "{}",
+        after.to_toml()
+    );
+}
+
+fn with_class_b() -> String {
+    format!("{LEAST}\n[reality.weather]\nstability = \"B\"\n")
+}
+
 #[test]
 fn the_resolved_scenario_reads_back_as_itself() {
     for text in [LEAST, AS_PONTES, TWO_GASES] {

@@ -7,7 +7,7 @@ use scenario::uncertain::Uncertain;
 
 /// `scenario` with what `analysis` found. Turns of the wind, and its speed, were found against the
 /// logged wind where there is one, so that takes the place of the scenario's own; the scenario's
-/// `series` stays only where it was itself the log (`by_series`).
+/// `series` stays only where it was itself the log (`by_series`). The reality stays as it was.
 pub fn extended(scenario: &Scenario, analysis: &Analysis, by_series: bool) -> Scenario {
     let mut out = scenario.clone();
     if let Some((from_deg, speed_m_s)) = analysis.logged_wind.filter(|_| !by_series) {
@@ -44,7 +44,7 @@ pub fn extended(scenario: &Scenario, analysis: &Analysis, by_series: bool) -> Sc
         out.set_with_sd(parameter, value, *sd);
     }
     out.extend(&analysis.extension);
-    out
+    out.with_reality_of(scenario)
 }
 
 /// The mechanism that does to the whole scenario what `parameter` at `value` was found to do, where

@@ -137,13 +137,15 @@ impl OfflineCalibration {
             return Ok(());
         };
         let [white_within, slow_within, slow_time_within, ..] = learned.ln_sd.map(f64::exp);
-        let sensor = self.scenario.sensor_mut();
+        let mut corrected = self.scenario.clone();
+        let sensor = corrected.sensor_mut();
         sensor.noise_sd_ppm = Some(learned.noise.white);
         sensor.noise_sd_ppm_known_within = Some(white_within);
         sensor.slow_sd_ppm = Some(learned.noise.slow);
         sensor.slow_sd_ppm_known_within = Some(slow_within);
         sensor.slow_time_s = Some(learned.noise.slow_s);
         sensor.slow_time_s_known_within = Some(slow_time_within);
+        self.scenario = corrected.with_reality_of(&self.scenario);
         Ok(())
     }
 }
@@ -242,5 +244,5 @@ fn corrected(scenario: &Scenario, calibrator: &Calibrator, found: &Calibrated) -
         }
     }
     corrected.extend(&calibrator.beside_keys());
-    corrected
+    corrected.with_reality_of(scenario)
 }

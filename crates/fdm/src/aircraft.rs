@@ -92,6 +92,7 @@ impl Aircraft {
         self.check_lateral()?;
         self.check_equipment()?;
         self.check_limits()?;
+        self.check_sizes()?;
         self.servos.map_or(Ok(()), |servos| servos.check())?;
         self.control.check()
     }
@@ -152,6 +153,55 @@ impl Aircraft {
         Ok(())
     }
 
+    /// Whether numbers that only have a sign are of a size that aircraft have.
+    fn check_sizes(&self) -> Result<(), FdmError> {
+        use plausible::*;
+        if let Some(battery) = &self.battery {
+            let most_wh = MOST_ENERGY_WH_KG * self.body.mass_kg;
+            at_most("battery.capacity_wh", battery.capacity_wh, most_wh)?;
+        }
+        let swept_m2 = self.propulsion.swept_area_m2;
+        plausible::within(
+            SWEPT_OF_WING,
+            "propulsion.swept_area_m2",
+            swept_m2,
+            self.wing.area_m2,
+        )?;
+        let (pitch, ground) = (&self.pitch, &self.ground);
+        for (key, value, most) in [
+            ("lift.alpha", self.lift.alpha, MOST_LIFT_SLOPE),
+            ("drag.zero", self.drag.zero, MOST_DRAG),
+            ("drag.beta", self.drag.beta, MOST_DRAG_BY_BETA),
+            ("pitch.alpha", pitch.alpha, MOST_PITCH),
+            ("pitch.q", pitch.q, MOST_PITCH_DAMPING),
+            ("pitch.elevator", pitch.elevator, MOST_PITCH),
+            (
+                "surfaces.rate_deg_s",
+                self.surfaces.rate_deg_s,
+                MOST_SURFACE_RATE_DEG_S,
+            ),
+            (
+                "propulsion.exit_speed_m_s",
+                self.propulsion.exit_speed_m_s,
+                MOST_EXIT_SPEED_M_S,
+            ),
+            (
+                "ground.launch_airspeed_m_s",
+                ground.launch_airspeed_m_s,
+                MOST_AIRSPEED_M_S,
+            ),
+            (
+                "ground.launch_acceleration_m_s2",
+                ground.launch_acceleration_m_s2,
+                MOST_LAUNCH_M_S2,
+            ),
+            ("ground.hard_sink_m_s", ground.hard_sink_m_s, MOST_SINK_M_S),
+        ] {
+            at_most(key, value, most)?;
+        }
+        Ok(())
+    }
+
     fn check_longitudinal(&self) -> Result<(), FdmError> {
         within("lift.zero", self.lift.zero, -2.0, 2.0)?;
         positive("lift.alpha", self.lift.alpha)?;
@@ -182,10 +232,10 @@ impl Aircraft {
     }
 
     fn check_lateral(&self) -> Result<(), FdmError> {
-        for (table, d) in [
-            ("side", &self.side),
-            ("roll", &self.roll),
-            ("yaw", &self.yaw),
+        for (table, d, most) in [
+            ("side", &self.side, plausible::MOST_LATERAL),
+            ("roll", &self.roll, plausible::MOST_LATERAL),
+            ("yaw", &self.yaw, plausible::MOST_YAW),
         ] {
             for (key, value) in [
                 ("beta", d.beta),
@@ -194,7 +244,7 @@ impl Aircraft {
                 ("aileron", d.aileron),
                 ("rudder", d.rudder),
             ] {
-                within(&format!("{table}.{key}"), value, -20.0, 20.0)?;
+                within(&format!("{table}.{key}"), value, -most, most)?;
             }
         }
         negative("roll.p", self.roll.p, "roll damping")?;

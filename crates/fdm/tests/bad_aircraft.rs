@@ -30,6 +30,37 @@ fn both_aircraft_are_accepted() {
     );
 }
 
+// A unit is wrong by 1,000 at times: mm, g, mAh. The names of the refused numbers stand in the file itself.
+#[test]
+fn no_number_may_be_a_thousand_times_larger() {
+    for text in [X8, ULTRA_STICK] {
+        let (mut table, mut tried) = (String::new(), 0);
+        for line in text.lines() {
+            let bare = line.split('#').next().unwrap().trim();
+            if let Some(name) = bare.strip_prefix('[') {
+                table = name.trim_end_matches(']').to_owned();
+            }
+            let Some((key, value)) = bare.split_once(" = ") else {
+                continue;
+            };
+            let Ok(value) = value.parse::<f64>() else {
+                continue;
+            };
+            if value == 0.0 {
+                continue;
+            }
+            let wrong = text.replacen(line, &format!("{key} = {}", 1000.0 * value), 1);
+            let told = Aircraft::from_toml("a.toml", &wrong).map(|a| a.name);
+            let told = told.unwrap_err().to_string();
+            // Airspeeds are refused by their order, which the next of them breaks.
+            let named = told.contains(&format!("{table}.{key}")) || key.starts_with("airspeed_");
+            assert!(named, "{table}.{key} = {}: {told}", 1000.0 * value);
+            tried += 1;
+        }
+        assert!(tried > 40, "{tried}");
+    }
+}
+
 /// A line of the X8's file, what it is changed to, and what is said of it.
 const IMPOSSIBLE: &[(&str, &str, &str)] = &[
     (

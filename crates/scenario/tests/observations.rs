@@ -197,6 +197,10 @@ fn cells_that_are_no_number_name_file_line_and_column() {
             "nan,a,43,-7,500,450",
             "line 2, column time_s: found \"nan\"",
         ),
+        (
+            "1e300,a,43,-7,500,450",
+            "line 2, column time_s: found \"1e300\"",
+        ),
     ] {
         let text = message(&format!("{HEADER}\n{rows}\n"));
         assert!(

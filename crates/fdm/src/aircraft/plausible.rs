@@ -19,6 +19,45 @@ pub(super) const WING_LOADING_KG_M2: RangeInclusive<f64> = 0.05..=1_000.0;
 /// the pitch axis.
 pub(super) const INERTIA_OF_SPAN: RangeInclusive<f64> = 0.000_5..=0.5;
 
+/// Effective swept area of the propellers over wing area: motor gliders and airliners 0.02, tilt rotors 6. Several
+/// propellers count together.
+pub(super) const SWEPT_OF_WING: RangeInclusive<f64> = 0.001..=10.0;
+/// Energy on board over mass, Wh/kg, at most: petrol alone has 12,000.
+pub(super) const MOST_ENERGY_WH_KG: f64 = 12_000.0;
+/// Speed of a slipstream, m/s, at most: the exhaust of jets.
+pub(super) const MOST_EXIT_SPEED_M_S: f64 = 600.0;
+/// Rate of a surface, degrees per second, at most: the fastest servos do 60° in 0.03 s.
+pub(super) const MOST_SURFACE_RATE_DEG_S: f64 = 5_000.0;
+/// Slope of the lift, 1/rad, at most: thin wings of any aspect ratio have up to 2 π.
+pub(super) const MOST_LIFT_SLOPE: f64 = 10.0;
+/// Drag without lift, at most: a flat plate across the stream has 2.
+pub(super) const MOST_DRAG: f64 = 2.0;
+/// Stiffness in pitch and effect of the elevator, 1/rad, at most: a lift slope times a tail arm of three chords.
+pub(super) const MOST_PITCH: f64 = 20.0;
+/// Damping in pitch, at most: light aircraft have 10 to 40.
+pub(super) const MOST_PITCH_DAMPING: f64 = 500.0;
+/// Linear drag by sideslip, 1/rad, at most.
+pub(super) const MOST_DRAG_BY_BETA: f64 = 2.0;
+/// Rolling moments and side forces, 1/rad, at most: of roll damping, the largest, aircraft have up to 1.
+pub(super) const MOST_LATERAL: f64 = 10.0;
+/// Yawing moments, 1/rad, at most: of the fin's, the largest, aircraft have up to 0.5.
+pub(super) const MOST_YAW: f64 = 2.0;
+/// Acceleration of a launcher, m/s², at most: 100 times that of gravity.
+pub(super) const MOST_LAUNCH_M_S2: f64 = 1_000.0;
+/// Airspeed of a launch, m/s, at most, as of the airframe.
+pub(super) const MOST_AIRSPEED_M_S: f64 = 300.0;
+/// Sink rate of a hard landing, m/s, at most: a fall from 10 m.
+pub(super) const MOST_SINK_M_S: f64 = 14.0;
+
+/// Refuses a number of more than `most`, of either sign.
+pub(super) fn at_most(key: &'static str, value: f64, most: f64) -> Result<(), FdmError> {
+    if value.abs() <= most {
+        return Ok(());
+    }
+    let expected = format!("{most} at most, of either sign; check its unit");
+    Err(refuse(key, value, expected))
+}
+
 /// Whether `value` over `reference` is in `range`.
 pub(super) fn within(
     range: RangeInclusive<f64>,

@@ -27,13 +27,15 @@ const AVERAGING: usize = 12;
 /// The first of three.
 const END: usize = 13;
 
-const A_TIME: &str = "a time in seconds as a finite number with a decimal point";
+const A_TIME: &str = "a time in seconds with a decimal point, from -1e11 to 1e11";
+/// Farthest time from zero, s: 3,000 years. Milliseconds since 1970 are beyond it.
+const FARTHEST_S: f64 = 1e11;
 const A_LINE: &str = "lat2_deg, lon2_deg and alt2_amsl_m together, or none of them";
 
 /// The columns of a file of readings of `gas`.
 fn columns(gas: Gas) -> Vec<Column> {
     let mut columns: Vec<Column> = REQUIRED.map(Column::required).to_vec();
-    columns[TIME] = columns[TIME].of((f64::MIN, f64::MAX, A_TIME));
+    columns[TIME] = columns[TIME].of((-FARTHEST_S, FARTHEST_S, A_TIME));
     columns.push(Column::required(gas.column(Unit::Ppm)).or(gas.column(Unit::Ppb)));
     columns.extend(OPTIONAL.map(Column::optional));
     columns[SD] = columns[SD].or(SD_PPB);

@@ -24,11 +24,13 @@ const fn range(low: f64, high: f64, expected: &'static str) -> Range {
     }
 }
 
+/// Highest reading, ppm: twice all of the air, for what a sensor may be off; the limit of a reading on the bus.
+const MOST_READING_PPM: f64 = 2e6;
 /// From where depends on the readings' noise ([`Range::from`]).
 pub(super) const A_READING: Range = range(
     f64::MIN,
-    f64::MAX,
-    "a reading no further below zero than noise, or an empty cell",
+    MOST_READING_PPM,
+    "a reading no further below zero than noise and at most 2000000 ppm, or an empty cell",
 );
 pub(super) const A_LATITUDE: Range = range(
     -90.0,
@@ -80,6 +82,6 @@ pub(super) const AN_AVERAGING: Range = range(
 );
 pub(super) const A_SPREAD: Range = range(
     f64::MIN_POSITIVE,
-    f64::MAX,
-    "a standard deviation above 0, or an empty cell",
+    MOST_READING_PPM,
+    "a standard deviation above 0 and at most 2000000 ppm, or an empty cell",
 );

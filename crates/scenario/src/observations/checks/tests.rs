@@ -299,7 +299,10 @@ fn a_wind_of_which_a_part_is_a_code_is_none() {
 #[test]
 fn what_cannot_be_is_said_and_left_out() {
     type Change = fn(&mut ObservationRow);
-    let changes: [(&str, Change); 8] = [
+    let changes: [(&str, Change); 11] = [
+        ("co2_ppm", |r| r.co2_ppm = Some(1e300)),
+        ("co2_ppm", |r| r.co2_ppm = Some(1e7 + r.time_s)),
+        ("sd_ppm", |r| r.sd_ppm = Some(1e300)),
         ("wind_speed_m_s", |r| {
             r.wind_speed_m_s = Some(-3.0 - 0.01 * r.time_s)
         }),
@@ -321,7 +324,7 @@ fn what_cannot_be_is_said_and_left_out() {
             "{message}"
         );
         assert!(message.starts_with("50 values of "), "{message}");
-        // Rows without a place are none.
+        // Rows without a place are none, and readings that are left out leave a gap.
         let gaps = found.flaws[1..].iter().filter(|f| f.kind == Flaw::Gap);
         assert_eq!(gaps.count(), found.flaws.len() - 1);
     }

@@ -272,6 +272,47 @@ fn a_run_on_a_disk_that_fills_up_leaves_all_that_fits() -> Result<Completion, Fa
     Ok(Completion::Completed)
 }
 
+/// A disk on which not even the tracks have room: the last line lists the files that are there, and no others.
+fn a_run_lists_the_outputs_that_a_full_disk_has() -> Result<Completion, Failed> {
+    let out = folder("small-disk");
+    let mut command = Command::new("unshare");
+    let script = "mount -t tmpfs -o size=200k none \"$1\" || exit 77; \
+                  \"$2\" run \"$3\" --no-serve --duration 60 --out \"$1/out\"; ls \"$1/out\" >&2";
+    let ran = command
+        .args(["-m", "sh", "-c", script, "sh"])
+        .arg(&out)
+        .args([env!("CARGO_BIN_EXE_plumage"), SCENARIO])
+        .output();
+    let Some(ran) = ran.ok().filter(|ran| ran.status.success()) else {
+        return Ok(Completion::ignored_with(
+            "no file system of its own may be made here",
+        ));
+    };
+    let told = String::from_utf8_lossy(&ran.stdout).into_owned();
+    let there = String::from_utf8_lossy(&ran.stderr).into_owned();
+    let listed = told.lines().find(|line| line.starts_with("Outputs in "));
+    let listed = listed.and_then(|line| line.rsplit_once(": ")).unwrap().1;
+    for name in [
+        "summary.json",
+        "report.html",
+        "tracks.kml",
+        "mission.mcap",
+        "scenario.toml",
+    ] {
+        let is_there = there.lines().any(|line| line == name);
+        assert_eq!(
+            listed.split(", ").any(|l| l == name),
+            is_there,
+            "{name}: {told}{there}"
+        );
+    }
+    assert!(
+        !listed.contains("report.html"),
+        "the disk was not full: {told}"
+    );
+    Ok(Completion::Completed)
+}
+
 /// A process that was stopped for longer than Zenoh's lease, and others meanwhile: everybody meets again, and what was
 /// said in between is marked in the record.
 fn whoever_was_stopped_meets_all_again() -> Result<(), Failed> {
@@ -478,5 +519,6 @@ crate::runner::tests! {
     }
     Cores {
         a_run_on_a_disk_that_fills_up_leaves_all_that_fits,
+        a_run_lists_the_outputs_that_a_full_disk_has,
     }
 }

@@ -16,10 +16,61 @@ use tasks::mission_record;
 use views::report::Report;
 use views::site::SiteMap;
 
+/// The outputs of a run, in the order in which people open them.
+const NAMES: [&str; 5] = [
+    "report.html",
+    "tracks.kml",
+    "mission.mcap",
+    "summary.json",
+    "scenario.toml",
+];
+
+/// Names the outputs that are in `folder`: on a full disk some are not.
+pub fn listed(folder: &Path) -> String {
+    let there = NAMES.into_iter().filter(|name| folder.join(name).is_file());
+    format!(
+        "Outputs in {}: {}",
+        folder.display(),
+        there.collect::<Vec<_>>().join(", ")
+    )
+}
+
 /// Points of one track in KML.
 pub const TRACK_POINTS: usize = 4000;
 /// Shortest time between points of a track in KML, s.
 pub const TRACK_INTERVAL_S: f64 = 0.5;
+
+/// Memory that a long mission needs for each vehicle, bytes: track, readings and figures of the report. Measured: 0.8 MB
+/// with 250 vehicles.
+const BYTES_PER_VEHICLE: u64 = 1 << 20;
+
+/// Checks that the memory suffices for the outputs of a team; without a limit where the system does not state what
+/// is free.
+///
+/// # Errors
+/// A team that needs more than is free.
+fn check_memory(vehicles: usize, free_bytes: Option<u64>) -> Result<(), Failure> {
+    let needed = vehicles as u64 * BYTES_PER_VEHICLE;
+    let Some(free) = free_bytes.filter(|free| needed > *free) else {
+        return Ok(());
+    };
+    let gb = |bytes: u64| bytes as f64 / 1e9;
+    Err(Failure::usage(format!(
+        "a team of {vehicles} vehicles needs about {:.1} GB of memory for its outputs, and {:.1} GB are free; expected at \
+         most {} vehicles",
+        gb(needed),
+        gb(free),
+        free / BYTES_PER_VEHICLE
+    )))
+}
+
+/// Memory that is free for programs, bytes, where the system is Linux.
+fn free_memory_bytes() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
+    let line = text.lines().find_map(|l| l.strip_prefix("MemAvailable:"))?;
+    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kib << 10)
+}
 
 /// Space kept for report, tracks and summary, bytes: a report with the maps' code in it takes 5 MB, tracks of a team
 /// of a hundred another 5.
@@ -81,6 +132,7 @@ impl Outputs {
         setup: &Setup,
         site: Arc<SiteMap>,
     ) -> Result<Self, Failure> {
+        check_memory(setup.scenario.vehicles.len(), free_memory_bytes())?;
         files::prepare_folder(folder, force).map_err(Failure::input)?;
         // The scenario first: whatever happens later, it is known what was flown.
         files::write_whole(
@@ -233,5 +285,25 @@ impl Outputs {
             plume: &plume.unwrap_or_default().lines,
         };
         Ok(kml::document(&map)?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_team_that_needs_more_memory_than_is_free_is_refused_with_what_it_needs() {
+        let told = check_memory(20_000, Some(8_000_000_000))
+            .unwrap_err()
+            .words();
+        assert!(
+            told.contains("20000 vehicles needs about 21.0 GB"),
+            "{told}"
+        );
+        assert!(told.contains("8.0 GB are free"), "{told}");
+        assert!(told.contains("at most 7629 vehicles"), "{told}");
+        assert!(check_memory(6, Some(8_000_000_000)).is_ok());
+        assert!(check_memory(20_000, None).is_ok());
     }
 }

@@ -6,7 +6,7 @@ use crate::ground_station::GroundStation;
 use crate::interrupts::{Interrupts, TERMINATED};
 use crate::metrics::OfRun;
 use crate::mission_files::MissionOptions;
-use crate::outputs::{Outputs, fresh_folder};
+use crate::outputs::{self, Outputs, fresh_folder};
 use crate::outside::Outside;
 use crate::pace::{Pace, Reached, Speed};
 use crate::page::{self, LivePage, PageArguments, Serve};
@@ -282,12 +282,9 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     flight.bar.finish_and_clear();
     let (summary, written) = flight.outputs.finish(&digest, wall_s);
     print!("{}", record::text::summary(&summary));
-    println!(
-        "Outputs in {}: report.html, tracks.kml, mission.mcap, summary.json, scenario.toml",
-        folder.display()
-    );
+    println!("{}", outputs::listed(&folder));
     if let Some(mut page) = flight.page {
-        page.with(|live| live.run.reported = true);
+        page.with(|live| live.run.reported = folder.join("report.html").is_file());
         arguments.stay(&mut page, &flight.stop)?;
         page.close();
     }

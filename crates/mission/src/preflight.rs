@@ -39,6 +39,10 @@ const GRID_M: f64 = 100.0;
 /// A fence is looked at by no more than this many steps a side.
 const GRID_STEPS: usize = 200;
 
+/// Farthest source from the fence, m: the curves of the plume's spread were fitted up to 10 km (Briggs 1973), and five
+/// times that far no plume is left. A source beyond has a digit or a sign too many.
+const FARTHEST_SOURCE_M: f64 = 50_000.0;
+
 /// How bad a finding is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
@@ -89,10 +93,34 @@ pub fn check(setup: &Setup) -> Result<Vec<Finding>, MissionError> {
     }
     found.extend(wind(setup)?);
     found.extend(homes(setup, &airspace)?);
+    found.extend(sources(&setup.scenario, &airspace));
     found.extend(ground(setup, &airspace)?);
     found.extend(room(&setup.scenario, &airspace));
     found.extend(time(&setup.scenario)?);
     Ok(found)
+}
+
+/// Whether the fence is where the sources' plumes may be.
+fn sources(scenario: &Scenario, airspace: &Airspace) -> Vec<Finding> {
+    let mut found = Vec::new();
+    for source in &scenario.sources {
+        let at = Geodetic::new(source.lat_deg, source.lon_deg);
+        let outside_m = -air::area::clearance_m(airspace.polygon(), airspace.frame().to_enu(at));
+        if outside_m <= FARTHEST_SOURCE_M {
+            continue;
+        }
+        let words = format!(
+            "the source {} at {}, {} is {:.0} km from the fence; expected at most {:.0} km, since no plume reaches farther. \
+             Check the digits and signs of source.lat_deg, source.lon_deg, site and fence.polygon",
+            source.name,
+            source.lat_deg,
+            source.lon_deg,
+            outside_m / 1e3,
+            FARTHEST_SOURCE_M / 1e3
+        );
+        found.push(refused("source", words));
+    }
+    found
 }
 
 /// Whether there is time for all to rise, work and land.
@@ -282,7 +310,9 @@ fn homes(setup: &Setup, airspace: &Airspace) -> Result<Vec<Finding>, MissionErro
                 ),
             ));
         }
-        for (other, there) in &before {
+        // Of a large team most are far: nothing is looked up or written for those.
+        let near = |(_, there): &&(_, Enu)| there.distance_m(home) < HOMES_APART_M;
+        for (other, there) in before.iter().filter(near) {
             let apart_m = there.distance_m(home);
             let span_m = setup.aircraft_of(index)?.wing.span_m;
             let words = format!(

@@ -4,6 +4,9 @@ use crate::TaskError;
 use mission::Setup;
 use mission::preflight::{self, Verdict};
 
+/// Findings of one kind that are listed; a team of hundreds may have one for each vehicle.
+const LISTED: usize = 20;
+
 /// Checks a mission before take-off: what is doubtful about it.
 ///
 /// # Errors
@@ -14,8 +17,11 @@ pub fn check(setup: &Setup) -> Result<Vec<String>, TaskError> {
         .into_iter()
         .partition(|f| f.verdict == Verdict::Refused);
     let words = |found: Vec<preflight::Finding>| -> Vec<String> {
-        let words = found.into_iter();
-        words.map(|f| format!("{}: {}", f.about, f.words)).collect()
+        let more = found.len().saturating_sub(LISTED);
+        let listed = found.into_iter().take(LISTED);
+        let listed = listed.map(|f| format!("{}: {}", f.about, f.words));
+        let more = (more > 0).then(|| format!("and {more} more"));
+        listed.chain(more).collect()
     };
     if refused.is_empty() {
         return Ok(words(warned));

@@ -659,6 +659,54 @@ fn an_extension_is_scored_on_trials_with_maxima_alone_and_one_of_another_kind_re
     assert_eq!(json["applied"]["scores"][0]["what"], "maximum");
 }
 
+/// Observations of two platforms at 1 Hz.
+fn exports_go_to_standard_output_and_are_thinned() {
+    let out = folder("export-output");
+    std::fs::create_dir_all(&out).unwrap();
+    let mut log = String::from("time_s,platform,lat_deg,lon_deg,alt_amsl_m,co2_ppm\n");
+    for k in 0..100 {
+        for platform in ["a", "b"] {
+            let north = f64::from(k) * 1e-4;
+            log.push_str(&format!(
+                "{k},{platform},{},-7.86,700,450.{k:02}\n",
+                43.44 + north
+            ));
+        }
+    }
+    let file = out.join("obs.csv");
+    std::fs::write(&file, log).unwrap();
+    let export = |more: &[&str]| {
+        let mut arguments = vec!["export", text(&file), "--to"];
+        arguments.extend(more);
+        plumage(&arguments)
+    };
+    let whole = export(&["csv", "--out", "-"]);
+    let rows = String::from_utf8(whole.stdout).unwrap();
+    assert!(
+        whole.status.success() && rows.starts_with("time_s,platform,"),
+        "{rows}"
+    );
+    assert_eq!(rows.lines().count(), 201);
+    let thinned = export(&["geojson", "--every-s", "10", "--out", "-"]);
+    let features: serde_json::Value = serde_json::from_slice(&thinned.stdout).unwrap();
+    let features = features["features"].as_array().unwrap();
+    let times: Vec<f64> = features
+        .iter()
+        .map(|f| &f["properties"])
+        .filter(|p| p["what"] == "reading" && p["platform"] == "a")
+        .map(|p| p["time_s"].as_f64().unwrap())
+        .collect();
+    assert_eq!(times.len(), 10, "{times:?}");
+    assert!(times.windows(2).all(|w| w[1] - w[0] == 10.0), "{times:?}");
+    for (format, option, value) in [("kml", "--every-s", "5"), ("ros2", "--out", "-")] {
+        let refused = export(&[format, option, value]);
+        assert_eq!(refused.status.code(), Some(2), "{format}");
+    }
+    let refused = export(&["csv", "--every-s", "0"]);
+    let told = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(told.contains("0.1 to 86400 s"), "{told}");
+}
+
 /// Two strategies in two realities, in which a team of one does not even take off: what counts here are the files.
 fn campaign(more: &[&str]) -> Output {
     let asked = [
@@ -751,6 +799,7 @@ crate::runner::tests! {
     Cores {
         a_run_leaves_its_outputs_and_verifies,
         flux_states_a_rate_with_a_sheet_and_combines_visits,
+        exports_go_to_standard_output_and_are_thinned,
         options_are_refused_in_words_and_a_broken_pipe_is_no_panic,
         a_mission_of_methane_says_methane,
         the_resolved_scenario_flies_the_same_mission,

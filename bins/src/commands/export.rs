@@ -3,7 +3,7 @@
 use crate::outputs::{TRACK_INTERVAL_S, TRACK_POINTS};
 use crate::progress::Waiting;
 use crate::ros2::Undulation;
-use crate::{Failure, importing, measured, mission_files, plume_lines, site};
+use crate::{Failure, importing, measured, mission_files, plume_lines, ranges, site};
 use air::geo::LocalFrame;
 use clap::ValueEnum;
 use mission::{Setup, campaign};
@@ -18,6 +18,8 @@ use record::files::write_whole;
 use record::kml::{Map, MapFeatures};
 use record::summary::Summariser;
 use record::{Recorder, Recording, kml, kmz};
+use std::io::Write as _;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use views::site::SiteMap;
 
@@ -26,6 +28,9 @@ const NO_START: &str = "the start is unknown (mission.start of the scenario, or 
     from 1970, in KML and NetCDF from 2000";
 const NO_ALTITUDE: &str = "NavSatFix needs heights above the ellipsoid; without --undulation-m its altitude is omitted. \
     Odometry heights count from the site's ground, those of gas readings from mean sea level";
+
+/// Times between readings that can be asked for, s: from that of the fastest sensors to a day.
+const EVERY_S: RangeInclusive<f64> = 0.1..=86_400.0;
 
 /// A format of other people's tools.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -73,9 +78,12 @@ pub struct ExportArguments {
     /// Output format
     #[arg(long, value_name = "FORMAT")]
     pub to: Format,
-    /// Output file or folder [default: next to the input]
+    /// Output file or folder, - for standard output [default: next to the input]
     #[arg(long, value_name = "PATH")]
     pub out: Option<PathBuf>,
+    /// Export one reading in S seconds of each vehicle, 0.1 to 86400 s [default: all]
+    #[arg(long, value_name = "S", value_parser = ranges::real(EVERY_S, " s"))]
+    pub every_s: Option<f64>,
     /// Replace an earlier output
     #[arg(long)]
     pub force: bool,
@@ -99,7 +107,13 @@ pub fn export(arguments: &ExportArguments) -> Result<(), Failure> {
         .out
         .clone()
         .unwrap_or_else(|| beside(&arguments.file, arguments.to));
-    if out.exists() && !arguments.force {
+    let to_output = out == Path::new("-");
+    if let Some(option) = arguments.unfit(to_output) {
+        return Err(Failure::usage(format!(
+            "{option} does not go with this format; expected --to csv, geojson, netcdf or parquet"
+        )));
+    }
+    if out.exists() && !arguments.force && !to_output {
         return Err(Failure::usage(format!(
             "{}: the output exists; choose another --out, or replace it with --force",
             out.display()
@@ -113,9 +127,25 @@ pub fn export(arguments: &ExportArguments) -> Result<(), Failure> {
     for note in wrote.notes {
         eprintln!("note: {}", printable(&note));
     }
-    println!("{}", wrote.what);
-    println!("Output: {}", out.display());
+    if to_output {
+        eprintln!("{}", wrote.what);
+    } else {
+        println!("{}", wrote.what);
+        println!("Output: {}", out.display());
+    }
     Ok(())
+}
+
+impl ExportArguments {
+    /// The option that does not go with the format.
+    fn unfit(&self, to_output: bool) -> Option<&'static str> {
+        let is_folder_or_recording = matches!(self.to, Format::Ros2 | Format::Foxglove);
+        if to_output && is_folder_or_recording {
+            return Some("--out -");
+        }
+        let is_thinned = is_folder_or_recording || matches!(self.to, Format::Kml | Format::Kmz);
+        (self.every_s.is_some() && is_thinned).then_some("--every-s")
+    }
 }
 
 /// What was written, and what is to be known of it.
@@ -133,7 +163,10 @@ fn write(
     if arguments.to == Format::Foxglove {
         return source.foxglove(out, arguments.force);
     }
-    let flown = source.flown()?;
+    let mut flown = source.flown()?;
+    if let Some(every_s) = arguments.every_s {
+        flown.thin(every_s);
+    }
     let mut notes = flown.notices.clone();
     if flown.start_unix_ns.is_none() {
         notes.push(NO_START.to_owned());
@@ -143,7 +176,11 @@ fn write(
         notes.extend(undulation_m.is_none().then(|| NO_ALTITUDE.to_owned()));
     } else {
         let bytes = source.bytes(&flown, arguments.to)?;
-        write_whole(out, &bytes).map_err(Failure::input)?;
+        if out == Path::new("-") {
+            std::io::stdout().lock().write_all(&bytes)?;
+        } else {
+            write_whole(out, &bytes).map_err(Failure::input)?;
+        }
     }
     let names: Vec<&str> = flown.vehicles.iter().map(|v| v.name.as_str()).collect();
     Ok(Wrote {

@@ -3,6 +3,7 @@
 use parquet::basic::{LogicalType, Repetition, TimeUnit, Type as Physical};
 use parquet::data_type::{ByteArray, ByteArrayType, DoubleType, Int64Type};
 use parquet::errors::ParquetError;
+use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
 use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
 use parquet::schema::types::Type;
@@ -74,7 +75,38 @@ pub fn csv(columns: &[Column]) -> Result<Vec<u8>, csv::Error> {
     out.into_inner().map_err(|e| e.into_error().into())
 }
 
-/// The table as Parquet; what is not known is null.
+/// Ends of names of columns, longest first where one is the end of another, and the unit that they state (UDUNITS).
+const UNITS: [(&str, &str); 10] = [
+    ("_m_s", "m s-1"),
+    ("_kg_s", "kg s-1"),
+    ("_ppm", "1e-6"),
+    ("_ppb", "1e-9"),
+    ("_deg", "degree"),
+    ("_hpa", "hPa"),
+    ("_pct", "percent"),
+    ("_c", "degree_Celsius"),
+    ("_m", "m"),
+    ("_s", "s"),
+];
+
+/// The unit that the name of a column of numbers, or of its standard deviation, states (UDUNITS); `1` for a number
+/// without a unit.
+fn unit(column: &str) -> &'static str {
+    let quantity = column.strip_suffix("_sd").unwrap_or(column);
+    let known = UNITS.iter().find(|(end, _)| quantity.ends_with(end));
+    known.map_or("1", |(_, unit)| unit)
+}
+
+/// The units of all columns of numbers, as a JSON object by their names.
+fn units(columns: &[Column]) -> String {
+    let numbers = columns
+        .iter()
+        .filter(|column| matches!(column.cells, Cells::Number(_)));
+    let pairs = numbers.map(|column| format!("\"{}\":\"{}\"", column.name, unit(&column.name)));
+    format!("{{{}}}", pairs.collect::<Vec<_>>().join(","))
+}
+
+/// The table as Parquet; what is not known is null. The file's metadata have the columns' `units` as JSON.
 ///
 /// # Errors
 /// None that is not a defect: the columns are in memory and of one length.
@@ -84,7 +116,9 @@ pub fn parquet(name: &str, columns: &[Column]) -> Result<Vec<u8>, ParquetError> 
         .with_fields(fields?)
         .build()?;
     let mut bytes = Vec::new();
-    let properties = Arc::new(WriterProperties::builder().build());
+    let units = KeyValue::new("units".to_owned(), units(columns));
+    let properties = WriterProperties::builder().set_key_value_metadata(Some(vec![units]));
+    let properties = Arc::new(properties.build());
     let mut file = SerializedFileWriter::new(&mut bytes, Arc::new(schema), properties)?;
     let mut group = file.next_row_group()?;
     for column in columns {
@@ -143,4 +177,34 @@ fn write(
         }
     }
     column.close()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use parquet::file::reader::{FileReader as _, SerializedFileReader};
+
+    #[test]
+    fn parquet_states_the_units_of_its_columns() {
+        let number = |name: &str| Column::new(name, Cells::Number(vec![Some(1.0)]));
+        let columns = [
+            number("time_s"),
+            Column::new("platform", Cells::Text(vec!["a".to_owned()])),
+            number("co2_ppm"),
+            number("wind_speed_m_s"),
+            number("axis_deg_sd"),
+            number("alt_amsl_m"),
+            number("temperature_c"),
+            number("throttle"),
+        ];
+        let bytes = bytes::Bytes::from(parquet("reading", &columns).unwrap());
+        let read = SerializedFileReader::new(bytes).unwrap();
+        let metadata = read.metadata().file_metadata().key_value_metadata();
+        let units = metadata.unwrap().iter().find(|pair| pair.key == "units");
+        assert_eq!(
+            units.unwrap().value.as_deref().unwrap(),
+            "{\"time_s\":\"s\",\"co2_ppm\":\"1e-6\",\"wind_speed_m_s\":\"m s-1\",\"axis_deg_sd\":\"degree\",\
+             \"alt_amsl_m\":\"m\",\"temperature_c\":\"degree_Celsius\",\"throttle\":\"1\"}"
+        );
+    }
 }

@@ -9,7 +9,7 @@ mod outcomes;
 mod provenance;
 
 use anyhow::Context as _;
-use clap::Parser as _;
+use clap::{CommandFactory as _, Parser as _};
 use gap_bench::Line;
 use gap_bench::flight::{self, BenchAircraft, FIRST_SEED, FlightShare};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -184,10 +184,7 @@ fn of_plume(arguments: &Arguments) -> anyhow::Result<(String, Vec<Line>)> {
     tasks.retain(|t| t.row().contains(&arguments.only));
     if tasks.is_empty() {
         let rows = rows.into_iter().collect::<Vec<_>>().join(", ");
-        anyhow::bail!(
-            "--only {}: no case has this in its name; expected a part of one of: {rows}",
-            arguments.only
-        );
+        refuse_only(arguments, "case", &format!("a part of one of: {rows}"));
     }
     if let Some((k, n)) = arguments.shard {
         tasks = tasks.into_iter().skip(k - 1).step_by(n).collect();
@@ -225,12 +222,10 @@ const AIRCRAFT: [&str; 2] = [
 /// The page of flights, and its rates.
 fn of_flight(arguments: &Arguments) -> anyhow::Result<(String, Vec<Line>)> {
     let share = FlightShare::published(&arguments.only);
-    anyhow::ensure!(
-        share.holds_any(),
-        "--only {}: no kind of flight has this in its name; expected a part of a name in \
-         docs/gap-flight-benchmark.md",
-        arguments.only
-    );
+    if !share.holds_any() {
+        let expected = "a part of a name in docs/gap-flight-benchmark.md";
+        refuse_only(arguments, "kind of flight", expected);
+    }
     let fleet: Result<Vec<BenchAircraft<'_>>, _> = AIRCRAFT
         .iter()
         .map(|toml| BenchAircraft::new(toml))
@@ -246,6 +241,15 @@ fn of_flight(arguments: &Arguments) -> anyhow::Result<(String, Vec<Line>)> {
     );
     bar.finish_and_clear();
     Ok((summary.to_markdown(), summary.lines()))
+}
+
+/// Ends the program as the reading of options does for a value that is none.
+fn refuse_only(arguments: &Arguments, what: &str, expected: &str) -> ! {
+    let only = &arguments.only;
+    let words = format!("--only {only}: no {what} has this in its name; expected {expected}");
+    Arguments::command()
+        .error(clap::error::ErrorKind::ValueValidation, words)
+        .exit()
 }
 
 fn threads(arguments: &Arguments) -> usize {

@@ -12,4 +12,5 @@ mod families;
 mod flight_estimate;
 mod flight_onset;
 mod flight_share;
+mod options;
 mod share;

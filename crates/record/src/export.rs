@@ -242,6 +242,17 @@ impl Flown {
         self.readings.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     }
 
+    /// Leaves of each vehicle the first reading in each `every_s`, counted from time 0.
+    pub fn thin(&mut self, every_s: f64) {
+        // A hair less than a rounding error puts into the interval before.
+        const ROUNDING: f64 = 1e-9;
+        let mut last = vec![None; self.vehicles.len()];
+        self.readings.retain(|read| {
+            let interval = Some((read.time_s / every_s + ROUNDING).floor());
+            std::mem::replace(&mut last[read.vehicle], interval) != interval
+        });
+    }
+
     /// A time in ns since 1970, or since the unknown beginning.
     pub fn unix_ns(&self, time_s: f64) -> i64 {
         self.start_unix_ns

@@ -16,6 +16,8 @@ use tokio::task::JoinHandle;
 const PATIENCE: Duration = Duration::from_secs(5);
 /// Interval at which missing agents are reported again.
 const AGAIN: Duration = Duration::from_secs(15);
+/// Said once by a process whose team has left, as a bridge does that waits for a landing after the mission.
+const ALONE: &str = "all other processes of the team have ended, or are out of reach";
 /// How often is looked.
 const LOOK: Duration = Duration::from_millis(500);
 
@@ -43,13 +45,14 @@ pub fn watch(
     let own = own.to_vec();
     Ok(tokio::spawn(async move {
         let mut known = BTreeSet::new();
-        let mut told = false;
+        let (mut told, mut met) = (false, false);
         let (mut wait, mut waited) = (PATIENCE, Duration::ZERO);
         loop {
             tokio::time::sleep(LOOK).await;
             waited += LOOK;
             let mut present = presence.now();
             present.retain(|id| !own.contains(id));
+            met |= !present.is_empty();
             if present != known {
                 (wait, waited) = (PATIENCE, Duration::ZERO);
             }
@@ -59,11 +62,15 @@ pub fn watch(
                 told = false;
                 eprintln!("the team is complete");
             } else if waited >= wait && !missing.is_empty() {
+                let alone = met && present.is_empty();
+                if !(alone && told) {
+                    let words = match alone {
+                        true => ALONE.to_owned(),
+                        false => words(&present, &missing, &connects_to),
+                    };
+                    eprintln!("warning: {}", printable(&words));
+                }
                 (wait, waited, told) = (AGAIN, Duration::ZERO, true);
-                eprintln!(
-                    "warning: {}",
-                    printable(&words(&present, &missing, &connects_to))
-                );
             }
             known = present;
         }

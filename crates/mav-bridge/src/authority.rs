@@ -63,6 +63,8 @@ pub(crate) struct HeartbeatState {
     pub cause: Option<Danger>,
     /// It reports a breach of the fence on board.
     pub fence_broken: bool,
+    /// The bridge itself was silent just before, so that its failsafe for a lost ground station may act.
+    pub unheard: bool,
 }
 
 /// Keeps the level and the task.
@@ -92,6 +94,8 @@ pub(crate) struct Authority {
     /// The link was down between the last heartbeat and this one.
     link_returned: bool,
     shown: Option<HeartbeatState>,
+    /// The mode in which its own failsafe flies, while its cause is not told yet.
+    awaits_cause: Option<u32>,
 }
 
 impl Authority {
@@ -113,6 +117,7 @@ impl Authority {
             link_up: false,
             link_returned: false,
             shown: None,
+            awaits_cause: None,
         }
     }
 
@@ -353,14 +358,15 @@ impl Authority {
                 "pilot-takeover",
                 format!("the pilot took over in {mode}; the bridge withholds setpoints"),
             ),
-            BridgePhase::Guardian => (
-                Severity::Warning,
-                "guardian",
-                format!(
-                    "the vehicle's own failsafe took over in {mode}: {}",
-                    self.cause(shown).description()
-                ),
-            ),
+            BridgePhase::Guardian => {
+                let cause = self.cause(shown);
+                if cause == Danger::Failsafe {
+                    // Its text may be on its way.
+                    self.awaits_cause = Some(shown.custom_mode);
+                    return None;
+                }
+                return Some(self.failsafe_event(shown.custom_mode, cause));
+            }
             BridgePhase::Guided => (
                 Severity::Info,
                 "guided",
@@ -373,6 +379,37 @@ impl Authority {
             _ => return None,
         };
         Some(event(severity, code, text))
+    }
+
+    fn failsafe_event(&self, mode: u32, cause: Danger) -> EventMessage {
+        let (mode, why) = (self.modes.name(mode), cause.description());
+        let text = format!("the vehicle's own failsafe took over in {mode}: {why}");
+        event(Severity::Warning, "guardian", text)
+    }
+
+    /// Whether its own failsafe flies for a cause that it has not told yet.
+    pub(crate) fn awaits_cause(&self) -> bool {
+        self.awaits_cause.is_some()
+    }
+
+    /// The cause that was awaited, or none that it tells; returns the event of its failsafe, if that still flies.
+    pub(crate) fn tell_cause(&mut self, cause: Option<Danger>) -> Option<EventMessage> {
+        let mode = self.awaits_cause.take()?;
+        if self.phase() != BridgePhase::Guardian {
+            return None;
+        }
+        let unnamed = Danger::Failsafe;
+        if let Some(cause) = cause {
+            let lasts = self.control.dangers().any(|danger| danger == unnamed);
+            self.control.handle(ControlEvent::Begins(cause));
+            self.control.handle(ControlEvent::Ends(unnamed));
+            let broken = self.shown.is_some_and(|shown| shown.fence_broken);
+            self.own_fence = cause == Danger::Fence && broken;
+            if !lasts && !self.own_fence {
+                self.control.handle(ControlEvent::Ends(cause));
+            }
+        }
+        Some(self.failsafe_event(mode, cause.unwrap_or(unnamed)))
     }
 
     /// Whether the reported mode is the requested one, or still the one before the request.
@@ -453,7 +490,8 @@ impl Authority {
     /// The mode has changed without a request: by the vehicle itself only if that mode brings it home, for a
     /// failsafe may last while its pilot flies in a mode of his own.
     fn taken_over(&mut self, shown: HeartbeatState) {
-        let by_itself = shown.failsafe || shown.cause.is_some() || self.link_returned;
+        let by_itself =
+            shown.failsafe || shown.cause.is_some() || self.link_returned || shown.unheard;
         if by_itself && self.modes.is_homeward(shown.custom_mode) {
             self.failsafe(shown);
         } else {
@@ -463,7 +501,7 @@ impl Authority {
 
     /// The cause of the vehicle's own return home: reported, or else likely.
     fn cause(&self, shown: HeartbeatState) -> Danger {
-        let silent = if self.link_returned {
+        let silent = if self.link_returned || shown.unheard {
             Danger::Bridge
         } else {
             Danger::Failsafe

@@ -15,6 +15,7 @@ mod paths;
 mod placement;
 mod rates;
 mod receiving;
+mod speed;
 mod steering;
 mod texts;
 
@@ -22,7 +23,7 @@ pub use self::config::BridgeConfig;
 pub use self::output::BridgeOutput;
 
 use self::attitude::Stream;
-use self::causes::Causes;
+use self::causes::{Causes, OwnSilence};
 use self::checklist::Checklist;
 use self::fence::FenceExchange;
 use self::gas::GasHeard;
@@ -30,6 +31,7 @@ use self::identity::Identity;
 use self::paths::Paths;
 use self::placement::Placement;
 use self::rates::Rates;
+use self::speed::CommandedSpeed;
 use self::texts::Texts;
 use crate::authority::{Authority, BridgePhase};
 use crate::command_queue::CommandQueue;
@@ -98,17 +100,21 @@ pub struct Bridge {
     /// A hand-back on the ground: the next setpoint may begin with a take-off.
     rejoins: bool,
     pauses: Pauses,
+    own_silence: OwnSilence,
+    /// When the vehicle was seen to return home for a cause that it has not told yet.
+    cause_awaited: Option<SimTime>,
     connected_at: SimTime,
     /// The setpoint followed, or to be followed after take-off.
     target: Option<Setpoint>,
     ignored: Option<Setpoint>,
-    speed_sent: Option<f32>,
+    speed: CommandedSpeed,
     /// Time of the next request after a rejected or unanswered one.
     retry_at: Option<SimTime>,
     takeoff_altitude_m: Option<f64>,
     /// Parameters received from the vehicle.
     parameters: BTreeMap<String, f64>,
-    last_text: Option<(String, SimTime)>,
+    /// Texts that may come again over another link.
+    last_texts: Vec<(String, SimTime)>,
     texts: Texts,
     /// Frames that a dry run has logged.
     shown: BTreeSet<Vec<u8>>,
@@ -157,14 +163,16 @@ impl Bridge {
             boot_ms: 0,
             rejoins: false,
             pauses: Pauses::default(),
+            own_silence: OwnSilence::default(),
+            cause_awaited: None,
             connected_at: SimTime::ZERO,
             target: None,
             ignored: None,
-            speed_sent: None,
+            speed: CommandedSpeed::default(),
             retry_at: None,
             takeoff_altitude_m: None,
             parameters: BTreeMap::new(),
-            last_text: None,
+            last_texts: Vec::new(),
             texts: Texts::default(),
             shown: BTreeSet::new(),
             warned: Warned::default(),
@@ -265,7 +273,9 @@ impl Bridge {
         self.gas.pause(pause_ns, now);
         out.events.extend(self.texts.counted(now));
         self.check_timeouts(now, out);
+        self.report_failsafe(now, out);
         self.check_placement(now, out);
+        self.check_airspeed(now, out);
         self.check_attitudes(now, out);
         self.report_link(now, out);
         self.exchange_fence(now, out);
@@ -281,6 +291,7 @@ impl Bridge {
             return;
         }
         self.next_heartbeat = SimTime::from_ns(now.ns().saturating_add(HEARTBEAT_NS));
+        self.own_silence.speaks(now);
         let heartbeat = ground_station_heartbeat();
         if self.config.dry_run {
             self.show("HEARTBEAT, every second", &heartbeat, now, out);
@@ -505,7 +516,8 @@ impl Bridge {
     }
 
     fn clear_target(&mut self) {
-        (self.target, self.ignored, self.speed_sent) = (None, None, None);
+        (self.target, self.ignored) = (None, None);
+        self.speed.forget();
         self.retry_at = None;
     }
 

@@ -1,11 +1,11 @@
 //! What goes wrong between a bridge and real vehicles, and what the bridge makes of it.
 
 use crate::frames::messages;
-use mav_bridge::arduplane::{FBWA, GUIDED, MANUAL, RTL, TAKEOFF};
+use mav_bridge::arduplane::{AUTO, FBWA, GUIDED, MANUAL, RTL, TAKEOFF};
 use mav_bridge::dialect::{
     ATTITUDE_DATA, BATTERY_STATUS_DATA, FENCE_STATUS_DATA, GLOBAL_POSITION_INT_DATA,
     HEARTBEAT_DATA, MavAutopilot, MavBatteryFunction, MavMessage, MavModeFlag, MavResult,
-    MavSeverity, MavState, MavSysStatusSensor, MavType, NAMED_VALUE_FLOAT_DATA,
+    MavSeverity, MavState, MavSysStatusSensor, MavType, NAMED_VALUE_FLOAT_DATA, PARAM_VALUE_DATA,
     POSITION_TARGET_GLOBAL_INT_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA, VFR_HUD_DATA,
 };
 use mav_bridge::signing::{Signing, SigningConfig};
@@ -17,6 +17,8 @@ use protocol::message::{ControlLevel, PathKind, Reading, Setpoint};
 
 const REPOSITION: u16 = 192;
 const SET_MODE: u16 = 176;
+const CHANGE_SPEED: u16 = 178;
+const ARM: u16 = 400;
 
 /// A bridge and whatever is on its link.
 struct Bench {
@@ -349,10 +351,131 @@ fn the_vehicles_own_failsafes_are_called_by_their_names() {
         bench.hear(&mut vehicle, &says(text));
         flying(&mut bench, &mut vehicle, RTL, state);
         assert_eq!(bench.bridge.level(), ControlLevel::Guardian, "{text}");
+        // One that does not tell its cause is waited for.
+        bench.run(2.5, |b| flying(b, &mut vehicle, RTL, state));
         let told = bench.said("guardian");
         assert!(told[0].contains(danger.description()), "{text}: {told:?}");
         assert_eq!(bench.said("pilot-takeover").len(), 0);
     }
+}
+
+/// ArduPlane's heartbeat may show the mode before its text tells why.
+#[test]
+fn a_cause_that_is_told_a_moment_later_is_waited_for() {
+    let critical = MavState::MAV_STATE_CRITICAL;
+    let mut vehicle = FrameEncoder::new(1, 1);
+    let mut bench = Bench::in_guided(&mut vehicle);
+    bench.run(1.0, |b| flying(b, &mut vehicle, RTL, critical));
+    assert_eq!(bench.bridge.level(), ControlLevel::Guardian);
+    assert_eq!(bench.said("guardian").len(), 0);
+    bench.hear(&mut vehicle, &says("Battery 1 is low 14.01V used 330 mAh"));
+    bench.run(5.0, |b| flying(b, &mut vehicle, RTL, critical));
+    let told = bench.said("guardian");
+    assert_eq!(told.len(), 1, "{told:?}");
+    assert!(told[0].contains("battery low"), "{told:?}");
+    let dangers: Vec<Danger> = bench.bridge.control().dangers().collect();
+    assert_eq!(dangers, [Danger::Battery]);
+}
+
+/// The bridge's process stands still for 6 s: of what the vehicle sends much is lost, its text on the failsafe too.
+#[test]
+fn a_way_home_after_a_silence_of_the_bridge_is_the_vehicles_failsafe() {
+    let active = MavState::MAV_STATE_ACTIVE;
+    for (stopped_s, then_s, level) in [
+        (6.0, 0.0, ControlLevel::Guardian),
+        (6.0, 2.0, ControlLevel::Guardian),
+        (6.0, 10.0, ControlLevel::Pilot),
+        (0.0, 0.0, ControlLevel::Pilot),
+    ] {
+        let mut vehicle = FrameEncoder::new(1, 1);
+        let mut bench = Bench::in_guided(&mut vehicle);
+        bench.time_s += stopped_s;
+        bench.run(then_s, |b| flying(b, &mut vehicle, GUIDED, active));
+        flying(&mut bench, &mut vehicle, AUTO, active);
+        bench.run(3.0, |b| flying(b, &mut vehicle, AUTO, active));
+        assert_eq!(bench.bridge.level(), level, "{stopped_s} {then_s}");
+        let told = bench.said("guardian");
+        if level == ControlLevel::Guardian {
+            assert!(told[0].contains(Danger::Bridge.description()), "{told:?}");
+            assert!(bench.said("pilot-takeover").is_empty());
+        } else {
+            assert!(told.is_empty(), "{told:?}");
+        }
+    }
+}
+
+#[test]
+fn another_stations_speed_does_not_stay() {
+    let mut vehicle = FrameEncoder::new(1, 1);
+    let mut bench = Bench::in_guided(&mut vehicle);
+    answer(&mut bench, &mut vehicle, CHANGE_SPEED);
+    let mut flies = |bench: &mut Bench, airspeed: f32| {
+        bench.out.clear();
+        bench.run(60.0, |b| {
+            let boot_ms = (b.time_s * 1e3) as u32 + 60_000;
+            b.hear(&mut vehicle, &position(boot_ms, 43.44));
+            let hud = VFR_HUD_DATA {
+                airspeed,
+                groundspeed: airspeed,
+                ..VFR_HUD_DATA::default()
+            };
+            b.hear(&mut vehicle, &hud);
+            b.hear(&mut vehicle, &heartbeat(GUIDED, MavState::MAV_STATE_ACTIVE));
+            answer(b, &mut vehicle, CHANGE_SPEED);
+        });
+        let sent = bench.commands().contains(&(1, CHANGE_SPEED));
+        (sent, bench.said("other-airspeed").len())
+    };
+    // Its own, 18 m/s at 700 m.
+    assert_eq!(flies(&mut bench, 17.5), (false, 0));
+    assert_eq!(flies(&mut bench, 24.0), (true, 1));
+    assert_eq!(flies(&mut bench, 17.5), (false, 0));
+}
+
+#[test]
+fn only_parameters_that_it_asked_for_are_told_when_they_change() {
+    let mut vehicle = FrameEncoder::new(1, 1);
+    let mut bench = Bench::in_guided(&mut vehicle);
+    for value in [1.0f32, 2.0, 3.0] {
+        for name in ["STAT_RUNTIME", "BARO1_GND_PRESS", "FS_LONG_ACTN"] {
+            let parameter = PARAM_VALUE_DATA {
+                param_id: name.into(),
+                param_value: value,
+                ..PARAM_VALUE_DATA::default()
+            };
+            bench.hear(&mut vehicle, &parameter);
+        }
+    }
+    let told = bench.said("parameter-changed");
+    assert_eq!(told.len(), 2, "{told:?}");
+    assert!(told.iter().all(|text| text.contains("FS_LONG_ACTN")));
+}
+
+#[test]
+fn a_landing_sequence_that_keeps_it_from_arming_is_told_with_its_cure() {
+    let mut vehicle = FrameEncoder::new(1, 1);
+    let mut bench = Bench::of_1();
+    let ground = heartbeat(GUIDED, MavState::MAV_STATE_STANDBY);
+    let ground = HEARTBEAT_DATA {
+        base_mode: MavModeFlag::MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
+        custom_mode: TAKEOFF,
+        ..ground
+    };
+    bench.run(3.0, |b| b.hear(&mut vehicle, &ground));
+    let up = Setpoint {
+        path: PathKind::TakeOff,
+        ..go_to(0.0)
+    };
+    bench.setpoint(&up);
+    bench.run(2.0, |b| b.hear(&mut vehicle, &ground));
+    bench.hear(&mut vehicle, &says("Arm: In landing sequence"));
+    let refused = CommandAck {
+        command: ARM,
+        result: MavResult::MAV_RESULT_FAILED,
+    };
+    bench.hear(&mut vehicle, &refused);
+    let told = bench.said("arming-failed");
+    assert!(told[0].contains("DO_SET_MISSION_CURRENT 0"), "{told:?}");
 }
 
 #[test]

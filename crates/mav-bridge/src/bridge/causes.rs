@@ -23,6 +23,39 @@ const BITS: [(MavSysStatusSensor, Danger); 3] = [
     ),
 ];
 
+/// How long a vehicle may take to tell why it returns home, s: autopilots queue their texts behind telemetry.
+pub(super) const CAUSE_WITHIN_S: f64 = 2.0;
+/// A silence of this bridge so long may have set off the vehicle's failsafe for a lost ground station, s: the shortest time
+/// that autopilots have for one is 1.5 s.
+const SILENCE_S: f64 = 2.5;
+
+/// Silences of this bridge itself, as when its process was stopped: of what the vehicle sends meanwhile much is lost, its
+/// text on the failsafe too.
+#[derive(Debug, Clone, Default)]
+pub(super) struct OwnSilence {
+    spoke: Option<SimTime>,
+    ended: Option<SimTime>,
+}
+
+impl OwnSilence {
+    /// The bridge sends its heartbeat.
+    pub(super) fn speaks(&mut self, now: SimTime) {
+        if self.is_silent(now) {
+            self.ended = Some(now);
+        }
+        self.spoke = Some(now);
+    }
+
+    fn is_silent(&self, now: SimTime) -> bool {
+        self.spoke.is_some_and(|at| now.since_s(at) > SILENCE_S)
+    }
+
+    /// Whether a mode that brings the vehicle home may come from such a silence.
+    pub(super) fn explains(&self, now: SimTime) -> bool {
+        self.is_silent(now) || self.ended.is_some_and(|at| now.since_s(at) <= LASTS_S)
+    }
+}
+
 /// Reports of the vehicle on its failsafes.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Causes {

@@ -30,6 +30,13 @@ const GROUND_M: f64 = 16.0;
 /// ground.
 const OVER_STACK_M: f64 = 30.0;
 
+/// Words of ArduPlane's check before arming after a landing by its sequence, in small letters, and the cure.
+const IN_LANDING: &str = "in landing sequence";
+/// What ends it.
+const END_LANDING: &str = "; to end it, send DO_SET_MISSION_CURRENT 0 (MAVProxy: wp set 0)";
+/// Beginnings of the texts of checks before arming.
+const ARMING_TEXTS: [&str; 2] = ["PreArm: ", "Arm: "];
+
 /// Expectations of the mission.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Expectation {
@@ -77,11 +84,27 @@ pub(super) struct Told {
     pub home: Option<HOME_POSITION_DATA>,
     pub fence: Option<FenceOnBoard>,
     pub custom_mode: u32,
+    /// The last check before arming that failed, in the vehicle's words.
+    pub not_armed: Option<String>,
     /// Equivalent over true airspeed where it is.
     pub eas_over_tas: f64,
 }
 
 impl Told {
+    /// Receives a text of the vehicle.
+    pub(super) fn text(&mut self, text: &str) {
+        let reason = ARMING_TEXTS.iter().find_map(|w| text.strip_prefix(w));
+        if let Some(reason) = reason {
+            self.not_armed = Some(reason.to_owned());
+        }
+    }
+
+    /// What ends the vehicle's landing sequence, where that keeps it from arming.
+    pub(super) fn cure(&self) -> Option<&'static str> {
+        let reason = self.not_armed.as_ref()?.to_lowercase();
+        reason.contains(IN_LANDING).then_some(END_LANDING)
+    }
+
     fn is_complete(&self, told: &BTreeMap<String, f64>, known: &Parameters) -> bool {
         let told = |name: &&str| told.contains_key(*name);
         let mut altitudes = known.home_altitude.iter().map(|(name, _)| name);
@@ -303,9 +326,17 @@ impl Checklist {
                 format!("its own checks pass; {who} arms"),
             ),
             Some(false) => {
-                let words = format!(
-                    "its own checks fail, so it cannot be armed; its PreArm messages give the reason. {who} arms"
-                );
+                let words = match &self.told.not_armed {
+                    Some(reason) => {
+                        let cure = self.told.cure().unwrap_or_default();
+                        format!(
+                            "its own checks fail, so it cannot be armed: {reason}{cure}. {who} arms"
+                        )
+                    }
+                    None => format!(
+                        "its own checks fail, so it cannot be armed; its PreArm messages give the reason. {who} arms"
+                    ),
+                };
                 point("arming", Verdict::Doubtful, words)
             }
         }

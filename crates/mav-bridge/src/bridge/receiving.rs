@@ -2,6 +2,7 @@
 
 use super::attitude::STEERING_HZ;
 use super::batteries::Battery;
+use super::causes::CAUSE_WITHIN_S;
 use super::checklist;
 use super::identity::Found;
 use super::texts::text;
@@ -205,7 +206,11 @@ impl Bridge {
             failsafe,
             cause: self.causes.at(now, failsafe),
             fence_broken: self.causes.fence_broken(),
+            unheard: self.own_silence.explains(now),
         });
+        if self.authority.awaits_cause() {
+            self.cause_awaited.get_or_insert(now);
+        }
         out.events.extend(change);
         if asked.is_some_and(|mode| mode != custom_mode) && self.authority.unconfirmed().is_none() {
             self.commands.drop_modes();
@@ -236,7 +241,7 @@ impl Bridge {
         }
         self.telemetry.restarted();
         self.placement.forget();
-        self.speed_sent = None;
+        self.speed.forget();
         self.takeoff_altitude_m = None;
         self.parameters.clear();
         self.checklist = Checklist::new(&self.config);
@@ -256,7 +261,7 @@ impl Bridge {
             BridgePhase::Guided => {
                 self.rejoins = false;
                 // A commanded speed is forgotten at each change of mode.
-                self.speed_sent = None;
+                self.speed.forget();
                 self.retry_at = self.heartbeat_at;
             }
             _ => {}
@@ -430,6 +435,7 @@ impl Bridge {
                 let severity = severity(m.severity);
                 let said = text(&m.text[..]);
                 self.causes.text(&said, self.config.profile.causes, now);
+                self.checklist.told.text(&said);
                 if !self.is_repeated(&said, now) {
                     out.events.extend(self.texts.take(severity, &said, now));
                 }
@@ -450,9 +456,30 @@ impl Bridge {
 
     /// Whether the same text has just come over another link.
     fn is_repeated(&mut self, said: &str, now: SimTime) -> bool {
-        let last = self.last_text.replace((said.to_owned(), now));
-        self.paths.are_several()
-            && last.is_some_and(|(text, at)| text == said && now.since_s(at) < MODE_SETTLES_S)
+        if !self.paths.are_several() {
+            return false;
+        }
+        let last = &mut self.last_texts;
+        last.retain(|(_, at)| now.since_s(*at) < MODE_SETTLES_S);
+        let repeated = last.iter().any(|(text, _)| text == said);
+        if !repeated {
+            last.push((said.to_owned(), now));
+        }
+        repeated
+    }
+
+    /// Reports a failsafe of which the vehicle had not told the cause, once it does, or after a while.
+    pub(super) fn report_failsafe(&mut self, now: SimTime, out: &mut BridgeOutput) {
+        let Some(since) = self.cause_awaited else {
+            return;
+        };
+        let failsafe = self.authority.shown().is_some_and(|shown| shown.failsafe);
+        let cause = self.causes.at(now, failsafe);
+        if cause.is_none() && now.since_s(since) < CAUSE_WITHIN_S {
+            return;
+        }
+        self.cause_awaited = None;
+        out.events.extend(self.authority.tell_cause(cause));
     }
 
     fn on_battery(&mut self, status: &BATTERY_STATUS_DATA, out: &mut BridgeOutput) {
@@ -494,12 +521,13 @@ impl Bridge {
         match self.parameters.insert(name.clone(), value) {
             // Another link may bring it again.
             Some(old) if old == value => return,
-            Some(old) => {
+            // Counters of the vehicle's own change all the time.
+            Some(old) if self.checklist.parameters().contains(&name.as_str()) => {
                 let text = format!("parameter {name} changed from {old} to {value}");
                 out.events
                     .push(event(Severity::Info, "parameter-changed", text));
             }
-            None => {}
+            _ => {}
         }
         let known = &self.config.profile.parameters;
         if name == known.take_off_altitude && value.is_finite() && value > 0.0 {

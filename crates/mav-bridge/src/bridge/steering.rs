@@ -12,8 +12,6 @@ use protocol::message::{PathKind, Setpoint, Severity};
 
 /// Share of the altitude of its take-off above which that climb is done.
 const CLIMBED: f64 = 0.8;
-/// Airspeeds that differ by less are the same, m/s.
-const SAME_SPEED_M_S: f32 = 0.05;
 /// Pause after a refusal or no answer, ns.
 const PAUSE_NS: i64 = 5_000_000_000;
 
@@ -115,11 +113,7 @@ impl Bridge {
         if with_place {
             return;
         }
-        if self
-            .speed_sent
-            .is_none_or(|sent| (sent - speed).abs() > SAME_SPEED_M_S)
-        {
-            self.speed_sent = Some(speed);
+        if self.speed.sends(speed, now) {
             self.commands.push(VehicleCommand::Speed {
                 equivalent_airspeed_m_s: speed,
             });
@@ -286,7 +280,11 @@ impl Bridge {
                 let then = "; it returns home and circles until a pilot lands it";
                 (Severity::Warning, "no-landing-sequence", then)
             }
-            VehicleCommand::Arm => (Severity::Error, "arming-failed", "; the bridge tries again"),
+            VehicleCommand::Arm => {
+                let again = "; the bridge tries again";
+                let then = self.checklist.told.cure().unwrap_or(again);
+                (Severity::Error, "arming-failed", then)
+            }
             VehicleCommand::Reposition { .. } => (
                 Severity::Warning,
                 "setpoint-failed",
@@ -294,7 +292,8 @@ impl Bridge {
             ),
             VehicleCommand::Speed { .. } => {
                 // The next setpoint requests it again; now it would be rejected again.
-                (self.retry_at, self.speed_sent) = (None, None);
+                self.retry_at = None;
+                self.speed.forget();
                 (Severity::Warning, "speed-failed", "")
             }
             VehicleCommand::Interval { .. } => (Severity::Info, "rate-failed", ""),

@@ -116,6 +116,11 @@ impl GroundStation {
     /// Takes in what was said in a tick.
     pub fn take(&mut self, said: &[Publication]) {
         for (topic, envelope) in said {
+            if let Message::Model(model) = &envelope.message {
+                let team = self.vehicles.iter_mut();
+                team.for_each(|(_, vehicle)| vehicle.model(model));
+                continue;
+            }
             let (Topic::State(name) | Topic::Reading(name) | Topic::Mode(name)) = topic else {
                 continue;
             };

@@ -33,7 +33,7 @@
 //!
 //! What it does as ArduPlane 4.8 does: its fixed-wing modes, AUTO with an uploaded mission among them;
 //! missions, fences and rally points by the mission protocol; the usual streams, single messages,
-//! parameters, clock, ping; commands with their answers and refusals, every one answered; the fence
+//! parameters, clock; commands with their answers and refusals, every one answered; the fence
 //! and the failsafe on loss of the ground station. `docs/mavlink.md` has the list, and what it does
 //! not do.
 //!

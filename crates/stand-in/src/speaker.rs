@@ -10,7 +10,7 @@ use crate::streams::Stream;
 use mav_bridge::dialect::{
     AUTOPILOT_VERSION_DATA, COMMAND_INT_DATA, FILE_TRANSFER_PROTOCOL_DATA, GPS_GLOBAL_ORIGIN_DATA,
     HOME_POSITION_DATA, LOG_ENTRY_DATA, MESSAGE_INTERVAL_DATA, MavCmd, MavDataStream, MavMessage,
-    MavResult, MavSeverity, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, PARAM_VALUE_DATA, PING_DATA,
+    MavResult, MavSeverity, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, PARAM_VALUE_DATA,
     PROTOCOL_VERSION_DATA, STATUSTEXT_DATA, TIMESYNC_DATA,
 };
 use mav_bridge::signing::Signing;
@@ -251,14 +251,6 @@ impl Speaker {
                     ts1: m.ts1,
                     target_system,
                     target_component,
-                };
-                self.send(&answer, now);
-            }
-            MavMessage::PING(m) if (m.target_system, m.target_component) == (0, 0) => {
-                let answer = PING_DATA {
-                    target_system,
-                    target_component,
-                    ..m.clone()
                 };
                 self.send(&answer, now);
             }

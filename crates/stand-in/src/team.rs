@@ -17,13 +17,13 @@ use mav_bridge::arduplane::{AUTO, FBWA, GUIDED, LOITER, MANUAL, RTL};
 use mav_bridge::dialect::{
     COMMAND_INT_DATA, MISSION_ACK_DATA, MISSION_COUNT_DATA, MISSION_CURRENT_DATA, MavCmd,
     MavMessage, MavMissionResult, MavMissionType, MavResult, MavSeverity, NAMED_VALUE_FLOAT_DATA,
-    SET_MODE_DATA,
 };
 use mav_bridge::wire::{MessageData as _, RawFrame};
 use plume::Gas;
 use protocol::SimTime;
 use protocol::message::{
-    Control, ControlLevel, ControlWish, Destination, Mode, Reading, State, Sticks, VehicleKind,
+    Control, ControlLevel, ControlWish, Destination, Mode, Model, Peak, PeakStatus, Reading, State,
+    Sticks, VehicleKind,
 };
 use scenario::Scenario;
 use scenario::bounds::Bounds;
@@ -41,6 +41,11 @@ const MODES: [(u32, &str); 5] = [
     (RTL, "RTL"),
     (GUIDED, "Guided"),
 ];
+/// Name of the direction towards which the plume's axis runs, degrees.
+const PLUME_AXIS: &str = "PLUMEAXIS";
+/// Concentrations from here on are told without decimals, ppm.
+const WHOLE_PPM: f64 = 100.0;
+
 /// What a ground station wants of a vehicle of the team.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum TeamWish {
@@ -74,6 +79,12 @@ pub struct TeamVehicle {
     gas: Gas,
     state: Option<State>,
     reading: Option<Reading>,
+    /// Direction towards which the plume's axis runs, degrees, by the team's model.
+    axis_deg: Option<f64>,
+    /// The team's conclusion on the peak, where it has one.
+    peak: Option<Peak>,
+    /// The conclusion that ground stations know.
+    told: Option<PeakStatus>,
     level: ControlLevel,
     sticks: Sticks,
     wishes: Vec<TeamWish>,
@@ -115,6 +126,9 @@ impl TeamVehicle {
             gas: scenario.gas(),
             state: None,
             reading: None,
+            axis_deg: None,
+            peak: None,
+            told: None,
             level: ControlLevel::Automatic,
             sticks: CENTRED,
             wishes: Vec::new(),
@@ -130,6 +144,12 @@ impl TeamVehicle {
     /// The bus says what it reads.
     pub fn reading(&mut self, reading: &Reading) {
         self.reading = Some(reading.clone());
+    }
+
+    /// The bus says what the team knows of the plume.
+    pub fn model(&mut self, model: &Model) {
+        self.axis_deg = Some(model.axis_deg.value);
+        self.peak = model.peak;
     }
 
     /// The bus says who flies it.
@@ -159,8 +179,42 @@ impl TeamVehicle {
             if !due.is_empty() {
                 self.tell(&due, &state, now);
             }
+            self.tell_conclusion(now);
         }
         self.speaker.take_frames()
+    }
+
+    /// Tells the team's conclusion on the peak when it becomes another one.
+    fn tell_conclusion(&mut self, now: SimTime) {
+        let Some(peak) = self.peak else { return };
+        let word = match peak.status {
+            PeakStatus::Confirmed => "confirmed",
+            PeakStatus::Supported => "supported",
+            PeakStatus::Doubtful if self.told.is_some() => "doubtful",
+            // Before the first reading of a plume there is no conclusion.
+            PeakStatus::Doubtful | PeakStatus::NotFound => return,
+        };
+        if self.told.replace(peak.status) == Some(peak.status) {
+            return;
+        }
+        let digits = if peak.co2_ppm >= WHOLE_PPM { 0 } else { 2 };
+        let gas = self.gas.formula();
+        let text = format!(
+            "{gas} peak {:.digits$} +- {:.digits$} ppm: {word}",
+            peak.co2_ppm, peak.sd_ppm
+        );
+        self.speaker
+            .send_text(MavSeverity::MAV_SEVERITY_NOTICE, &text, now);
+    }
+
+    /// Tells a number by its name.
+    fn tell_value(&mut self, name: &str, value: f64, at: SimTime, now: SimTime) {
+        let value = NAMED_VALUE_FLOAT_DATA {
+            time_boot_ms: boot_ms(at.s()),
+            value: value as f32,
+            name: name.into(),
+        };
+        self.speaker.send(&value, now);
     }
 
     fn tell(&mut self, due: &[(u32, u32)], state: &State, now: SimTime) {
@@ -170,15 +224,13 @@ impl TeamVehicle {
                 self.speaker.tell(message_id, which, &report);
                 continue;
             }
-            let Some(reading) = &self.reading else {
-                continue;
-            };
-            let gas = NAMED_VALUE_FLOAT_DATA {
-                time_boot_ms: boot_ms(reading.read_at(now).s()),
-                value: reading.co2_ppm as f32,
-                name: self.gas.formula().into(),
-            };
-            self.speaker.send(&gas, now);
+            if let Some(reading) = &self.reading {
+                let (ppm, read_at) = (reading.co2_ppm, reading.read_at(now));
+                self.tell_value(self.gas.formula(), ppm, read_at, now);
+            }
+            if let Some(axis_deg) = self.axis_deg {
+                self.tell_value(PLUME_AXIS, axis_deg, now, now);
+            }
         }
     }
 
@@ -251,8 +303,7 @@ impl TeamVehicle {
             MavMessage::COMMAND_LONG(m) if self.speaker.is_addressed(m.target_system) => {
                 // A place in whole numbers is exact; one in floats is not.
                 if m.command == MavCmd::MAV_CMD_DO_REPOSITION {
-                    let result = MavResult::MAV_RESULT_COMMAND_INT_ONLY;
-                    return self.speaker.acknowledge(m.command as u16, result, now);
+                    return self.speaker.acknowledge(m.command as u16, UNSUPPORTED, now);
                 }
                 let whole = COMMAND_INT_DATA {
                     param1: m.param1,
@@ -268,9 +319,8 @@ impl TeamVehicle {
                 self.command(m, now);
             }
             MavMessage::SET_MODE(m) if self.speaker.is_addressed(m.target_system) => {
-                let result = self.change_mode(m.custom_mode, now);
-                self.speaker
-                    .acknowledge(SET_MODE_DATA::ID as u16, result, now);
+                // Obeyed without an answer, as by ArduPlane 4.8.
+                self.change_mode(m.custom_mode, now);
             }
             // Sticks are for one vehicle, never for all.
             MavMessage::MANUAL_CONTROL(m) if m.target == self.speaker.system_id => {

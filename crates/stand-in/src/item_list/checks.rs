@@ -31,6 +31,9 @@ const WITH_PLACE: [u32; 18] = [
     16, 17, 18, 19, 21, 22, 30, 31, 82, 84, 85, 92, 94, 179, 189, 191, 195, 201,
 ];
 
+/// Commands without a place whose last three numbers ArduPlane keeps: the gimbal's flags, and a script's arguments.
+const KEEPS_LAST_NUMBERS: [u32; 2] = [1000, 42_702];
+
 /// Whether a command is one to be flown, not one on the way.
 pub(crate) fn navigates(command: MavCmd) -> bool {
     // NAV_SET_YAW_SPEED and NAV_SCRIPT_TIME stand outside the range of the others.
@@ -73,10 +76,19 @@ fn mission(item: Item, last: u16) -> Result<Item, MavMissionResult> {
             None => return Err(UNSUPPORTED_FRAME),
         }
     } else {
-        item.frame
+        MavFrame::MAV_FRAME_GLOBAL
+    };
+    let keeps_last = has_place || KEEPS_LAST_NUMBERS.contains(&number);
+    let (x, y, z) = if keeps_last {
+        (item.x, item.y, item.z)
+    } else {
+        (0, 0, 0.0)
     };
     Ok(Item {
         frame,
+        x,
+        y,
+        z,
         param1: kept(item.param1),
         param2: kept(item.param2),
         param3: kept(item.param3),

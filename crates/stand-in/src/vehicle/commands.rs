@@ -15,8 +15,7 @@ use mav_bridge::wire::MessageData as _;
 use protocol::SimTime;
 
 use MavResult::{
-    MAV_RESULT_ACCEPTED as ACCEPTED, MAV_RESULT_COMMAND_INT_ONLY as COMMAND_INT_ONLY,
-    MAV_RESULT_DENIED as DENIED, MAV_RESULT_FAILED as FAILED,
+    MAV_RESULT_ACCEPTED as ACCEPTED, MAV_RESULT_DENIED as DENIED, MAV_RESULT_FAILED as FAILED,
     MAV_RESULT_TEMPORARILY_REJECTED as NOT_NOW, MAV_RESULT_UNSUPPORTED as UNSUPPORTED,
 };
 
@@ -40,7 +39,7 @@ impl StandIn {
     pub(crate) fn command_long(&mut self, m: &COMMAND_LONG_DATA, now: SimTime) {
         // A place in whole numbers is exact; one in floats is not.
         if m.command == MavCmd::MAV_CMD_DO_REPOSITION {
-            return self.acknowledge(m.command as u16, COMMAND_INT_ONLY, now);
+            return self.acknowledge(m.command as u16, UNSUPPORTED, now);
         }
         let (x, y, z, frame) = match m.command {
             MavCmd::MAV_CMD_DO_SET_HOME => {
@@ -175,7 +174,7 @@ impl StandIn {
             return FAILED;
         }
         if !self.go_on_with(item as u16) {
-            return FAILED;
+            return DENIED;
         }
         self.speaker.request_once(MISSION_CURRENT_DATA::ID, 0)
     }

@@ -9,7 +9,7 @@ use crate::parameters::{FS_LONG_TIMEOUT, MAV_GCS_SYSID};
 use mav_bridge::arduplane::{FS_GCS_ENABL, FS_LONG_ACTN, GUIDED, RTL, mode_name};
 use mav_bridge::dialect::{
     AttitudeTargetTypemask, HOME_POSITION_DATA, MavFrame, MavMessage, MavSeverity,
-    RC_CHANNELS_OVERRIDE_DATA, SET_ATTITUDE_TARGET_DATA, SET_HOME_POSITION_DATA, SET_MODE_DATA,
+    RC_CHANNELS_OVERRIDE_DATA, SET_ATTITUDE_TARGET_DATA, SET_HOME_POSITION_DATA,
     SET_POSITION_TARGET_GLOBAL_INT_DATA, SET_POSITION_TARGET_LOCAL_NED_DATA,
 };
 use mav_bridge::wire::{MessageData as _, RawFrame};
@@ -76,9 +76,8 @@ impl StandIn {
                 self.altitude_step(&m);
             }
             MavMessage::SET_MODE(m) if self.is_addressed(m.target_system) => {
-                let result = self.change_mode(m.custom_mode);
-                // ArduPlane acknowledges this message as if its number were a command's.
-                self.acknowledge(SET_MODE_DATA::ID as u16, result, now);
+                // Obeyed without an answer, which is the heartbeat's mode.
+                self.change_mode(m.custom_mode);
             }
             MavMessage::SET_HOME_POSITION(m) if self.is_addressed(m.target_system) => {
                 self.set_home_position(&m);

@@ -58,6 +58,22 @@ fn assert_same(sent: &[Item], back: &[Item]) {
     }
 }
 
+/// As ArduPlane keeps them.
+#[test]
+fn a_command_without_a_place_comes_back_without_one() {
+    let mut station = Station::new();
+    let speed = MavCmd::MAV_CMD_DO_CHANGE_SPEED;
+    let mut items = tour();
+    items[3] = Item {
+        seq: 3,
+        ..item(speed, [0.0, 20.0, -1.0, 0.0], (600.0, 0.0, 100.0))
+    };
+    assert_eq!(station.upload(MISSION, &items).0, ACCEPTED);
+    let back = station.download(MISSION);
+    assert_eq!((back[3].command, back[3].param2), (speed, 20.0));
+    assert_eq!((back[3].x, back[3].y, back[3].z), (0, 0, 0.0));
+}
+
 #[test]
 fn each_list_comes_back_as_it_was_sent_and_leaves_the_others_alone() {
     let mut station = Station::new();
@@ -454,7 +470,7 @@ fn a_mission_that_ends_in_the_air_goes_home_and_goes_on_where_it_is_told() {
     );
     assert_eq!(
         station.command(by_command, &[9.0]),
-        MavResult::MAV_RESULT_FAILED
+        MavResult::MAV_RESULT_DENIED
     );
 }
 

@@ -8,7 +8,7 @@ use mav_bridge::dialect::{
     MavDataStream, MavFrame, MavMessage, MavProtocolCapability, MavResult,
     NAV_CONTROLLER_OUTPUT_DATA, PARAM_REQUEST_LIST_DATA, PARAM_SET_DATA, PING_DATA,
     PROTOCOL_VERSION_DATA, RAW_IMU_DATA, RC_CHANNELS_DATA, REQUEST_DATA_STREAM_DATA,
-    SERVO_OUTPUT_RAW_DATA, SYSTEM_TIME_DATA, TIMESYNC_DATA, VIBRATION_DATA,
+    SERVO_OUTPUT_RAW_DATA, SET_MODE_DATA, SYSTEM_TIME_DATA, TIMESYNC_DATA, VIBRATION_DATA,
 };
 use mav_bridge::wire::{FrameEncoder, MessageData as _};
 use protocol::SimTime;
@@ -149,7 +149,7 @@ fn it_refuses_what_arduplane_refuses() {
         (
             MavCmd::MAV_CMD_DO_REPOSITION,
             [-1.0, 0.0, 0.0],
-            MavResult::MAV_RESULT_COMMAND_INT_ONLY,
+            MavResult::MAV_RESULT_UNSUPPORTED,
         ),
         (
             MavCmd::MAV_CMD_GUIDED_CHANGE_HEADING,
@@ -225,9 +225,9 @@ fn the_usual_streams_come_by_themselves_and_by_group() {
     assert!((4..=6).contains(&count(RAW_IMU_DATA::ID)));
 }
 
-/// A clock is answered with its own time and ours; a ping goes back to who sent it.
+/// A clock is answered with its own time and ours; a ping is not, as by ArduPlane 4.8.
 #[test]
-fn clocks_and_pings_are_answered() {
+fn clocks_are_answered_and_pings_are_not() {
     let mut station = Station::new();
     let heard = station.ask(&TIMESYNC_DATA {
         ts1: 123_456,
@@ -242,20 +242,24 @@ fn clocks_and_pings_are_answered() {
         seq: 7,
         ..PING_DATA::default()
     });
-    let pinged = heard.iter().any(|m| {
-        matches!(m, MavMessage::PING(m)
-            if m.seq == 7 && (m.target_system, m.target_component) == (255, 190))
-    });
-    assert!(pinged);
-    // An answer is not answered.
-    let answer = PING_DATA {
-        seq: 8,
-        target_system: SYSTEM,
-        target_component: 1,
-        ..PING_DATA::default()
-    };
-    let heard = station.ask(&answer);
     assert!(!heard.iter().any(|m| matches!(m, MavMessage::PING(_))));
+}
+
+/// SET_MODE is obeyed without an acknowledgement, as by ArduPlane 4.8: it is no command.
+#[test]
+fn the_message_that_sets_a_mode_is_obeyed_in_silence() {
+    let mut station = Station::new();
+    let heard = station.ask(&SET_MODE_DATA {
+        target_system: SYSTEM,
+        custom_mode: LOITER,
+        ..SET_MODE_DATA::default()
+    });
+    assert_eq!(station.vehicle.custom_mode(), LOITER);
+    assert!(
+        !heard
+            .iter()
+            .any(|m| matches!(m, MavMessage::COMMAND_ACK(_)))
+    );
 }
 
 /// Files are refused, not passed over: MAVLink's file protocol, opcodes 128 (yes) and 129 (no).

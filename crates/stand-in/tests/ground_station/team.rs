@@ -10,7 +10,8 @@ use mav_bridge::dialect::{
 use mav_bridge::wire::{FrameDecoder, FrameEncoder, MessageData};
 use protocol::SimTime;
 use protocol::message::{
-    Control, ControlLevel, ControlWish, Destination, Mode, State, VehicleKind,
+    Control, ControlLevel, ControlWish, Destination, Estimate, Mode, Model, Peak, PeakStatus,
+    State, VehicleKind,
 };
 use stand_in::{TeamVehicle, TeamWish};
 
@@ -143,6 +144,62 @@ fn it_tells_what_the_bus_says_of_it() {
         _ => None,
     });
     assert!((eas.unwrap() - 17.3).abs() < 0.3);
+}
+
+/// The model of a team whose peak has this status.
+fn model(status: PeakStatus) -> Model {
+    let known = |value: f64| Estimate { value, sd: 1.0 };
+    Model {
+        background_ppm: known(446.0),
+        effective_height_agl_m: known(540.0),
+        axis_deg: known(72.25),
+        c_max_ppm: known(500.0),
+        c_max_distance_m: known(2400.0),
+        sigma_y_scale: known(1.0),
+        sigma_z_scale: known(1.0),
+        wind_speed_m_s: 7.0,
+        observations: 100,
+        mechanisms: Vec::new(),
+        peak: Some(Peak {
+            lat_deg: 43.45,
+            lon_deg: -7.84,
+            alt_amsl_m: 880.0,
+            co2_ppm: 2841.4,
+            sd_ppm: 526.2,
+            time_s: 0.0,
+            status,
+        }),
+        flux: Vec::new(),
+    }
+}
+
+#[test]
+fn the_plumes_axis_and_each_conclusion_are_told() {
+    let mut watched = Watched::new(VehicleKind::Simulated);
+    let mut told = Vec::new();
+    let mut axis = None;
+    for status in [
+        PeakStatus::Doubtful,
+        PeakStatus::Supported,
+        PeakStatus::Supported,
+        PeakStatus::Doubtful,
+        PeakStatus::Confirmed,
+    ] {
+        watched.vehicle.model(&model(status));
+        for message in watched.ask(&MANUAL_CONTROL_DATA::default()) {
+            match message {
+                MavMessage::STATUSTEXT(m) => told.push(m.text.to_str().unwrap().to_owned()),
+                MavMessage::NAMED_VALUE_FLOAT(m) if m.name.to_str() == Ok("PLUMEAXIS") => {
+                    axis = Some(m.value);
+                }
+                _ => {}
+            }
+        }
+    }
+    assert_eq!(axis, Some(72.25));
+    let peak = "CO2 peak 2841 +- 526 ppm:";
+    let words = ["supported", "doubtful", "confirmed"].map(|word| format!("{peak} {word}"));
+    assert_eq!(told, words);
 }
 
 #[test]

@@ -8,6 +8,7 @@ use record::colour::Shown;
 use record::kml::{MapFeatures, StackMarker};
 use scenario::Scenario;
 use scenario::airspace::Airspace;
+use scenario::bounds::Bounds;
 use std::sync::Arc;
 use views::site::{MapPoint, SiteMap};
 
@@ -84,6 +85,13 @@ fn conditions(scenario: &Scenario) -> Vec<(String, String)> {
     owned.collect()
 }
 
+/// Where each vehicle may be sent.
+fn bounds(scenario: &Scenario) -> Result<Vec<(String, Bounds)>> {
+    let team = scenario.vehicles.iter().enumerate();
+    let each = team.map(|(k, vehicle)| Ok((vehicle.id.clone(), Bounds::of(scenario, k)?)));
+    each.collect()
+}
+
 /// The site of a mission.
 ///
 /// # Errors
@@ -127,6 +135,7 @@ pub fn of(setup: &Setup) -> Result<SiteMap> {
         height_band_amsl_m: Airspace::of(scenario)?
             .over(&setup.terrain)
             .height_band_amsl_m(),
+        bounds: bounds(scenario)?,
         keep_out_radius_m: scenario.fence.keep_out_radius_m,
         known_ground_amsl_m: Arc::new(move |at| terrain.known_amsl_m(frame.to_geodetic(at))),
         has_terrain: scenario.site.terrain.is_some(),

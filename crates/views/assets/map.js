@@ -299,7 +299,7 @@ export function drawMap() {
 export function arm(on) { armed = on; $("map").classList.toggle("armed", on); }
 
 function click(x, y) {
-  if (armed) { gone(...there(x, y)); return; }
+  if (armed) { gone(...there(x, y), [x, y]); return; }
   const near = known.live.vehicles.map(v => [Math.hypot(place(v.e, v.n)[0] - x, place(v.e, v.n)[1] - y), v.id]).sort((a, b) => a[0] - b[0])[0];
   if (near && near[0] < 26) picked(near[1]);
 }

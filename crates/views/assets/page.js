@@ -1,10 +1,11 @@
 // The page of a mission: takes what the server sends, shows it and sends back what is clicked.
 
-import { $, known, clock, colourAt, degrees, distance, formula, number } from "./shown.js";
+import { $, known, clock, colourAt, degrees, distance, formula, number, topPpm } from "./shown.js";
 import { addPieces, arm, drawMap, listenMap, redrawTracks, showAll, zoom } from "./map.js";
 import { drawSection } from "./section.js";
 import { drawReadings } from "./readings.js";
-import { fillTeam, goTo, listenTeam, select } from "./team.js";
+import { niceStep } from "./scale.js";
+import { fillTeam, goTo, listenTeam, select, sure } from "./team.js";
 
 const PHASES = [["take-off", "Take-off"], ["preliminary", "Preliminary"], ["search", "Search"],
   ["characterise", "Characterise"], ["flux", "Flux"], ["home", "Home"]];
@@ -26,6 +27,7 @@ function take(message) {
     known.live = { ...message, tracks: new Map(), events: [] };
     newEvents = hurry = true;
     highest = -Infinity;
+    known.top = null;
     redrawTracks();
   } else if (before) {
     known.live = "time_s" in message ? { ...message, tracks: before.tracks, events: before.events, health: { ...before.health, ...message.health } } : before;
@@ -39,6 +41,12 @@ function take(message) {
     for (const value of points) flat.push(value);
     for (let i = 4; i < points.length; i += 5) if (points[i] > highest) highest = points[i];
     live.tracks.set(id, flat);
+  }
+  if (highest > topPpm()) {
+    // The colours follow the readings, in few steps.
+    const { grey_ppm } = known.site;
+    known.top = grey_ppm + niceStep(highest - grey_ppm);
+    redrawTracks();
   }
   addPieces(grown);
   if (message.events?.length) { live.events = live.events.concat(message.events).slice(-EVENTS); newEvents = true; }
@@ -119,12 +127,12 @@ function say(text) {
   $("notice").hidden = !text;
 }
 
-/** The scale ends at its red end, and says how much more was read. */
+/** The scale ends at its red end, which is above the highest reading. */
 function nameScale() {
   const { site } = known;
   $("scale-low").textContent = "≤ " + number(site.grey_ppm, site.digits);
-  $("scale-high").textContent = "≥ " + number(site.red_ppm, site.digits);
-  $("scale-most").textContent = highest > site.red_ppm ? `, highest ${number(highest, site.digits)}` : "";
+  $("scale-high").textContent = number(topPpm(), site.digits);
+  $("scale-most").textContent = Number.isFinite(highest) ? `, highest ${number(highest, site.digits)}` : "";
 }
 
 // What the map shows in words, for who does not see it.
@@ -176,7 +184,10 @@ function connect() {
 
 function listen() {
   $("pause").onclick = () => send({ command: known.live && known.live.paused ? "resume" : "pause" });
-  $("home").onclick = () => send({ command: "home" });
+  $("home").onclick = async () => {
+    const up = known.live.vehicles.filter(v => v.airborne).length;
+    if (await sure(`Call all ${up} vehicles in the air home to land? This ends the search.`)) send({ command: "home" });
+  };
   for (const b of document.querySelectorAll("[data-factor]")) {
     b.onclick = () => send({ command: "speed", factor: b.dataset.factor ? Number(b.dataset.factor) : null });
   }
@@ -190,7 +201,7 @@ function listen() {
     timeline.oninput = () => send({ command: "seek", time_s: Number(timeline.value) });
   }
   window.addEventListener("resize", atOnce);
-  listenMap(select, (e, n) => goTo(e, n, send));
+  listenMap(select, (e, n, at) => goTo(e, n, at, send));
   listenTeam(send, arm, atOnce);
 }
 

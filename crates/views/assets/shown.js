@@ -3,7 +3,7 @@
 export const $ = id => document.getElementById(id);
 
 /** What the page knows: the site once, the picture as it comes, the view of who looks. */
-export const known = { site: null, live: null, selected: null, follow: false };
+export const known = { site: null, live: null, selected: null, follow: false, top: null };
 
 export const INK = "#16181d", SOFT = "#5d6470", REAL = "#c0101b", AXIS = "#245882", CHOSEN = "#0a62c9";
 export const colourOfKind = v => v.real ? REAL : INK;
@@ -22,9 +22,12 @@ export function colourAt(along) {
   return "rgb(" + f.map((v, k) => Math.round(v + part * (t[k] - v))).join(",") + ")";
 }
 
+/** The reading at the red end of the scale. */
+export const topPpm = () => known.top ?? known.site.red_ppm;
+
 /** Which of the BINS colours a reading has; what is no number has the first. */
 export function binOf(ppm) {
-  const { grey_ppm, red_ppm } = known.site, along = (ppm - grey_ppm) / (red_ppm - grey_ppm);
+  const { grey_ppm } = known.site, along = (ppm - grey_ppm) / (topPpm() - grey_ppm);
   return Number.isFinite(along) ? Math.round(Math.min(1, Math.max(0, along)) * (BINS - 1)) : 0;
 }
 

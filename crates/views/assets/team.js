@@ -131,7 +131,7 @@ function fillHealth(h) {
 }
 
 /** Asks before a vehicle is taken from its automatic flight; no question where a pilot has it already. */
-async function sure(question) {
+export async function sure(question) {
   const box = $("sure");
   $("sure-question").textContent = question;
   box.returnValue = "";
@@ -139,11 +139,33 @@ async function sure(question) {
   return new Promise(answer => box.addEventListener("close", () => answer(box.returnValue === "yes"), { once: true }));
 }
 
-/** Sends the selected vehicle to a place of the map. */
-export async function goTo(e, n, send) {
+/** Says at a place on the map why a vehicle does not go there, until the next click or for some seconds. */
+function refuse(text, [x, y]) {
+  const box = $("refusal");
+  clearTimeout(refuse.timer);
+  box.textContent = text; box.hidden = !text;
+  if (!text) return;
+  const { width, height } = box.parentElement.getBoundingClientRect();
+  box.style.left = Math.max(0, Math.min(x + 12, width - box.offsetWidth - 8)) + "px";
+  box.style.top = Math.max(0, Math.min(y + 12, height - box.offsetHeight - 8)) + "px";
+  refuse.timer = setTimeout(() => { box.hidden = true; }, 8000);
+}
+
+/** Why a vehicle would not go to a place, by its own rule; nothing where it may, or where the server does not answer. */
+async function whyNot(vehicle, e, n, alt) {
+  const asked = new URLSearchParams({ vehicle, e, n, alt_amsl_m: alt });
+  try { return (await (await fetch(`refusal.json?${asked}`)).json()).why; } catch { return null; }
+}
+
+/** Sends the selected vehicle to a place of the map, which was clicked at `at`. */
+export async function goTo(e, n, at, send) {
   const v = known.live.vehicles.find(v => v.id === known.selected), alt = Number($("go-to-alt").value);
+  refuse("", at);
+  if (!v || !Number.isFinite(alt)) { going(false); return; }
+  const why = await whyNot(v.id, e, n, alt);
+  // The next click may name another place.
+  if (why) { refuse(`${v.id} does not go there: ${why}`, at); return; }
   going(false);
-  if (!v || !Number.isFinite(alt)) return;
   const question = `Send ${v.id} to ${degrees(latLon(e, n), 4)}, ${alt} m AMSL? It circles there until you hand it back.`;
   if (v.level !== "automatic" || await sure(question)) send({ command: "go-to", vehicle: v.id, e, n, alt_amsl_m: alt });
 }

@@ -17,6 +17,7 @@
 //!     stacks: Vec::new(),
 //!     fence: Vec::new(),
 //!     height_band_amsl_m: (400.0, 1200.0),
+//!     bounds: Vec::new(),
 //!     keep_out_radius_m: 1000.0,
 //!     known_ground_amsl_m: Arc::new(|_| Some(340.0)),
 //!     has_terrain: false,

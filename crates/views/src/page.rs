@@ -9,7 +9,7 @@ use crate::ViewError;
 use crate::live::LiveState;
 use crate::map_data::{self, MapView, SectionView};
 use crate::server::{self, Limits};
-use crate::site::SiteMap;
+use crate::site::{MapPoint, SiteMap};
 use crate::tiles::Tiles;
 use air::geo::Enu;
 use axum::extract::ws::{Message, Utf8Bytes, WebSocket, WebSocketUpgrade};
@@ -289,6 +289,7 @@ pub fn serve(
         .route("/plume.json", get(plume))
         .route("/ground.json", get(ground))
         .route("/section.json", get(section))
+        .route("/refusal.json", get(refusal))
         .route("/report.html", get(report))
         .route("/tiles/{z}/{x}/{y}", get(tile))
         .route("/live", get(socket));
@@ -355,6 +356,28 @@ async fn site_json(State(shared): State<Shared>) -> Response {
         site.insert("tile_zooms".to_owned(), json!(tiles.map(Tiles::zooms)));
     }
     Json(site).into_response()
+}
+
+/// A place where somebody wants to send a vehicle.
+#[derive(serde::Deserialize)]
+struct Wanted {
+    vehicle: String,
+    e: f64,
+    n: f64,
+    alt_amsl_m: f64,
+}
+
+/// Why the vehicle would not go there, before anybody commands it; null where it may.
+async fn refusal(State(shared): State<Shared>, Query(to): Query<Wanted>) -> Response {
+    let at = Enu {
+        east_m: to.e,
+        north_m: to.n,
+    };
+    let alt_amsl_m = to.alt_amsl_m;
+    let why = shared
+        .site
+        .refuses(&to.vehicle, &MapPoint { at, alt_amsl_m });
+    Json(json!({ "why": why })).into_response()
 }
 
 async fn report(State(shared): State<Shared>) -> Response {

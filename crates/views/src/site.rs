@@ -6,6 +6,7 @@ use record::colour::Shown;
 use record::kml::StackMarker;
 use record::summary::PlaceOfPeak;
 use record::tracks::Tracks;
+use scenario::bounds::Bounds;
 use serde_json::{Value, json};
 use std::sync::Arc;
 
@@ -45,6 +46,8 @@ pub struct SiteMap {
     pub fence: Vec<(f64, f64)>,
     /// Lowest and highest altitude at which vehicles fly, m above mean sea level.
     pub height_band_amsl_m: (f64, f64),
+    /// Where each vehicle may be sent, by its id.
+    pub bounds: Vec<(String, Bounds)>,
     /// Radius around each stack into which no vehicle flies, m.
     pub keep_out_radius_m: f64,
     /// The ground as far as it is known; flat without terrain.
@@ -152,6 +155,12 @@ impl Grid {
 }
 
 impl SiteMap {
+    /// Why a vehicle does not go to a place, by the rule by which it refuses setpoints; nothing where it may.
+    pub(crate) fn refuses(&self, vehicle: &str, to: &MapPoint) -> Option<String> {
+        let (_, bounds) = self.bounds.iter().find(|(id, _)| id == vehicle)?;
+        bounds.refuses(self.frame.to_geodetic(to.at), to.alt_amsl_m)
+    }
+
     /// Metres east and north of a place.
     pub(crate) fn enu(&self, lat_deg: f64, lon_deg: f64) -> Enu {
         self.frame.to_enu(Geodetic { lat_deg, lon_deg })

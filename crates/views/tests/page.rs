@@ -286,6 +286,24 @@ async fn connections_that_never_ask_are_few_and_dropped() {
 }
 
 #[tokio::test]
+async fn a_place_that_a_vehicle_refuses_is_told_before_it_is_sent() {
+    let served = served().await;
+    let host = format!("Host: {}\r\n", served.address);
+    for (e, n, alt_amsl_m, why) in [
+        (2000.0, 1000.0, 800.0, None),
+        (20_000.0, 1000.0, 800.0, Some("outside the fence")),
+        (2000.0, 1000.0, 5000.0, Some("expected at most")),
+    ] {
+        let asked = format!("/refusal.json?vehicle=1&e={e}&n={n}&alt_amsl_m={alt_amsl_m}");
+        let told = body(&ask(&served.address, &asked, &host).await)["why"].clone();
+        match why {
+            None => assert!(told.is_null(), "{told}"),
+            Some(part) => assert!(told.as_str().unwrap().contains(part), "{told}"),
+        }
+    }
+}
+
+#[tokio::test]
 async fn clients_that_ask_without_reading_keep_nobody_out() {
     let served = served().await;
     let request = format!("GET /page.js HTTP/1.1\r\nHost: {}\r\n\r\n", served.address);

@@ -12,6 +12,13 @@ use record::summary::{
 use std::sync::Arc;
 use views::site::SiteMap;
 
+/// Those of the reference mission's first vehicle: its fence reaches 4 km north and 5 km east.
+fn bounds() -> scenario::bounds::Bounds {
+    let text = include_str!("../../../../scenarios/as-pontes-steady.toml");
+    let scenario = scenario::Scenario::parse("as-pontes-steady.toml", text).unwrap();
+    scenario::bounds::Bounds::of(&scenario, 0).unwrap()
+}
+
 pub fn site() -> Arc<SiteMap> {
     let frame = synthetic::frame();
     let origin = frame.origin();
@@ -40,6 +47,7 @@ pub fn site() -> Arc<SiteMap> {
             })
             .to_vec(),
         height_band_amsl_m: (400.0, 1200.0),
+        bounds: vec![("1".to_owned(), bounds())],
         keep_out_radius_m: 1200.0,
         known_ground_amsl_m: Arc::new(move |_| Some(frame.ground_amsl_m)),
         has_terrain: false,

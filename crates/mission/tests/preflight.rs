@@ -68,12 +68,12 @@ fn wind_is_held_against_the_airspeed() {
 
 #[test]
 fn a_source_that_is_nowhere_near_its_fence_is_refused() {
-    // A longitude without its sign: 1,270 km away on this latitude.
-    let second = "[[source]]\nname = \"second\"\nlat_deg = 43.4417\nlon_deg = 7.8631\nemission_kg_s = 10.0\n\n[background]";
+    // A wrong digit of the longitude: a degree has 81 km on this latitude, and the fence ends 5 km east of the site.
+    let second = "[[source]]\nname = \"second\"\nlat_deg = 43.4417\nlon_deg = -6.8631\nemission_kg_s = 10.0\n\n[background]";
     let far = found(&[("[background]", second)]);
     let parts = [
-        "source second at 43.4417, 7.8631",
-        "from the fence",
+        "source second at 43.4417, -6.8631",
+        "76 km from the fence",
         "50 km",
     ];
     says(&far, Verdict::Refused, "source", &parts);

@@ -138,7 +138,17 @@ fn random_missions_come_back() {
             let target = rng.random_range(1..=length.max(2) - 1) as f32;
             let p = [target, rng.random_range(-9.0..9.0), 5.0, 0.0];
             let command = commands[rng.random_range(0..commands.len())];
-            item(command, p, at)
+            let sent = item(command, p, at);
+            // Those from 112 on need no place, and keep none.
+            match command as u32 {
+                0..112 => sent,
+                _ => Item {
+                    x: 0,
+                    y: 0,
+                    z: 0.0,
+                    ..sent
+                },
+            }
         });
         let items = numbered(items.collect());
         let is_short = length == 1 && items[0].command == MavCmd::MAV_CMD_DO_JUMP;

@@ -91,7 +91,7 @@ const COLUMNS: [Column; 14] = [
         get: |r| r.co2_ppm,
         clear: Some(|r| r.co2_ppm = None),
         codes: Codes::OfReading,
-        other: "one that is smaller by 1000?",
+        other: "",
     },
     Column {
         name: "wind_speed_m_s",

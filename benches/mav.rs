@@ -33,7 +33,7 @@ impl Pair {
         )
         .unwrap();
         let aircraft =
-            fdm::Aircraft::from_toml("x8.toml", include_str!("../aircraft/x8.toml")).unwrap();
+            fdm::Airframe::from_toml("x8.toml", include_str!("../aircraft/x8.toml")).unwrap();
         let config = StandInConfig::from_scenario(&scenario, 5, aircraft).unwrap();
         let bridge = BridgeConfig {
             may_arm: true,

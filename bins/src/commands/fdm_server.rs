@@ -2,8 +2,7 @@
 
 use anyhow::Context as _;
 use clap::Parser;
-use fdm::FlightPhase;
-use fdm::aircraft::Servos;
+use fdm::{Airframe, FlightPhase};
 use mav_bridge::dialect::NAMED_VALUE_FLOAT_DATA;
 use mav_bridge::wire::FrameEncoder;
 use mission::Setup;
@@ -14,8 +13,8 @@ use std::net::{SocketAddr, UdpSocket};
 use std::path::PathBuf;
 use std::time::Duration;
 
-use crate::measured::AircraftFile;
 use crate::{Failure, mission_files, ranges};
+use tasks::measured;
 
 /// Where nothing is said of the world: still air at sea level, and no gas but the background.
 const STILL_AIR: &str = r#"
@@ -42,8 +41,8 @@ const PACKET_BYTES: usize = 512;
 
 /// Serve the flight model to an external ArduPilot SITL
 ///
-/// Speaks ArduPilot's JSON interface for simulators: start ArduPlane's SITL with --model JSON:HOST, where HOST is this
-/// machine. Each packet of servo outputs is answered with the resulting motion. With a scenario the aircraft flies in
+/// Speaks ArduPilot's JSON interface for simulators: start the SITL of ArduPlane, or of ArduCopter for a multirotor, with
+/// --model JSON:HOST, where HOST is this machine. Each packet of servo outputs is answered with the resulting motion. With a scenario the aircraft flies in
 /// its `[reality]`, with wind, gusts and gas; without one, in still air.
 #[derive(Debug, Parser)]
 #[command(after_help = "Example: plumage fdm-server scenarios/as-pontes.toml --ardupilot-json")]
@@ -73,7 +72,7 @@ pub struct FdmServerArguments {
     /// Seed of gusts and sensor noise, 0 to 2^63 - 1 [default: the scenario's]
     #[arg(long, value_name = "N", value_parser = ranges::seed)]
     seed: Option<u64>,
-    /// Print the ArduPlane servo parameters that match the aircraft, and exit
+    /// Print the output parameters of ArduPlane or ArduCopter that match the aircraft, and exit
     #[arg(long)]
     print_parameters: bool,
 }
@@ -102,17 +101,22 @@ pub fn fdm_server(arguments: &FdmServerArguments) -> Result<(), Failure> {
         .map(|to| GasSender::open(to, arguments.system_id));
     println!(
         "serving {} over ArduPilot's JSON interface on {at}",
-        config.aircraft.name
+        config.aircraft.name()
     );
     println!(
-        "  Start ArduPlane with --model JSON:{} --home {:.7},{:.7},{:.1},{:.0}",
+        "  Start {} with --model JSON:{} --home {:.7},{:.7},{:.1},{:.0}",
+        if config.aircraft.hovers() {
+            "ArduCopter"
+        } else {
+            "ArduPlane"
+        },
         at.ip(),
         config.home.lat_deg,
         config.home.lon_deg,
         config.home_amsl_m,
         config.launch_heading_deg
     );
-    println!("  Print its servo parameters with: plumage fdm-server … --print-parameters");
+    println!("  Print its output parameters with: plumage fdm-server … --print-parameters");
     let backend = JsonBackend::new(config, seed).map_err(Failure::input)?;
     let mut server = Server {
         socket,
@@ -142,9 +146,8 @@ fn config(arguments: &FdmServerArguments) -> Result<(StandInConfig, u64), Failur
     let config = match &arguments.aircraft {
         None => setup.stand_in_config(index),
         Some(file) => {
-            let read = AircraftFile::read(file).map_err(Failure::input)?;
-            let aircraft = read.aircraft;
-            setup.stand_in_config_of(index, aircraft)
+            let airframe = measured::airframe(file).map_err(Failure::input)?;
+            setup.stand_in_config_of(index, airframe)
         }
     };
     let seed = arguments.seed.unwrap_or(setup.scenario.mission.seed);
@@ -152,8 +155,14 @@ fn config(arguments: &FdmServerArguments) -> Result<(StandInConfig, u64), Failur
 }
 
 fn print_parameters(config: &StandInConfig) {
-    let servos: Servos = config.aircraft.servos.unwrap_or_default();
-    for (name, value) in servos.ardupilot_parameters(config.aircraft.surfaces.layout) {
+    let parameters = match &config.aircraft {
+        Airframe::FixedWing(aircraft) => {
+            let servos = aircraft.servos.unwrap_or_default();
+            servos.ardupilot_parameters(aircraft.surfaces.layout)
+        }
+        Airframe::Multirotor(aircraft) => aircraft.motors.ardupilot_parameters(),
+    };
+    for (name, value) in parameters {
         println!("{name} {value}");
     }
 }

@@ -22,6 +22,7 @@ pub use airframe::{GroundHandling, Limits, MassProperties, Wing};
 pub use battery::{Battery, StateOfCharge};
 pub use control::ControlGains;
 pub use propulsion::{PropellerLaw, Propulsion};
+pub(crate) use servos::OUTPUTS;
 pub use servos::Servos;
 pub use surfaces::{Layout, Surfaces};
 

@@ -11,6 +11,13 @@ impl Aircraft {
     /// [`FdmError::Syntax`] for text that is not such a file (unknown or missing key, wrong type),
     /// [`FdmError::Refused`] for a number no aircraft of this model can have, both with the line.
     pub fn from_toml(file_name: &str, text: &str) -> Result<Self, FdmError> {
+        let table: Option<toml::Table> = toml::from_str(text).ok();
+        if table.is_some_and(|table| table.contains_key("type")) {
+            return Err(FdmError::NotOfMultirotors {
+                aircraft: file_name.to_owned(),
+                what: "this analysis".to_owned(),
+            });
+        }
         let aircraft: Self =
             toml::from_str(text).map_err(|error| FdmError::syntax(file_name, text, &error))?;
         aircraft

@@ -280,20 +280,10 @@ impl Autopilot {
             alt_amsl_m: 0.0,
             airspeed_m_s: self.plant.cruise_m_s,
         });
-        let keep = |new: f64, old: f64| if new.is_finite() { new } else { old };
-        let path = if demand.path.is_finite() {
-            demand.path
-        } else {
-            before.path
-        };
-        let taken = Demand {
-            path,
-            alt_amsl_m: keep(demand.alt_amsl_m, before.alt_amsl_m),
-            airspeed_m_s: keep(demand.airspeed_m_s, before.airspeed_m_s),
-        };
+        let taken = demand.or(&before);
         // Only another path starts anew: altitude and airspeed may change every tick without losing
         // the progress of a landing or a circle.
-        if self.demand.is_none_or(|old| old.path != path) {
+        if self.demand.is_none_or(|old| old.path != taken.path) {
             self.circling = None;
             self.take_off_from_m = None;
             self.landing = None;

@@ -3,7 +3,7 @@
 
 use air::STANDARD_GRAVITY_M_S2;
 
-use crate::aircraft::Aircraft;
+use crate::aircraft::{Aircraft, MassProperties};
 use crate::scalar::{angle, bounded, larger};
 
 /// Airspeed below which the dimensionless rates stop growing, m/s.
@@ -20,8 +20,7 @@ const STALL_BLEND_RAD: f64 = 0.17;
 pub struct Dynamics {
     pub(crate) aircraft: Aircraft,
     inverse_mass: f64,
-    /// Inverse of the inertia matrix: xx, yy, zz, xz.
-    inverse_inertia: [f64; 4],
+    inertia: Inertia,
     induced: f64,
     alpha_min: f64,
     alpha_max: f64,
@@ -77,6 +76,85 @@ pub struct StateDerivative {
     pub rate: [f64; 3],
     /// What an accelerometer at the centre of gravity feels, body axes, m/s².
     pub specific_force: [f64; 3],
+}
+
+/// The inertia of a rigid body, ready for Euler's equation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Inertia {
+    body: MassProperties,
+    /// Inverse of the inertia matrix: xx, yy, zz, xz.
+    inverse: [f64; 4],
+}
+
+impl Inertia {
+    /// Prepares the inertia of a checked body.
+    pub fn of(body: &MassProperties) -> Self {
+        let b = body;
+        let det = b.ixx_kg_m2 * b.izz_kg_m2 - b.ixz_kg_m2 * b.ixz_kg_m2;
+        Self {
+            body: *body,
+            inverse: [
+                b.izz_kg_m2 / det,
+                1.0 / b.iyy_kg_m2,
+                b.ixx_kg_m2 / det,
+                b.ixz_kg_m2 / det,
+            ],
+        }
+    }
+
+    /// Angular acceleration (rad/s²) at a rate (rad/s) by a moment (N m), body axes: I ω̇ = M − ω × I ω.
+    #[inline(always)]
+    pub fn angular_acceleration(&self, rate: &[f64; 3], moment: &[f64; 3]) -> [f64; 3] {
+        let b = &self.body;
+        let [p, q, r] = *rate;
+        // Angular momentum; the product of inertia couples roll and yaw.
+        let momentum = [
+            p * b.ixx_kg_m2 - r * b.ixz_kg_m2,
+            q * b.iyy_kg_m2,
+            r * b.izz_kg_m2 - p * b.ixz_kg_m2,
+        ];
+        let net = [
+            moment[0] - (q * momentum[2] - r * momentum[1]),
+            moment[1] - (r * momentum[0] - p * momentum[2]),
+            moment[2] - (p * momentum[1] - q * momentum[0]),
+        ];
+        let [xx, yy, zz, xz] = self.inverse;
+        [
+            net[0] * xx + net[2] * xz,
+            net[1] * yy,
+            net[2] * zz + net[0] * xz,
+        ]
+    }
+}
+
+impl StateDerivative {
+    /// The derivative for a body with rotation `m` on which a specific force (m/s²) acts and an angular
+    /// acceleration (rad/s²), both in body axes.
+    #[inline(always)]
+    pub(crate) fn of(
+        body: &Body,
+        m: &[[f64; 3]; 3],
+        specific_force: [f64; 3],
+        rate: [f64; 3],
+    ) -> Self {
+        let out = |row: &[f64; 3]| {
+            row[0] * specific_force[0] + row[1] * specific_force[1] + row[2] * specific_force[2]
+        };
+        let [w, x, y, z] = body.attitude;
+        let [p, q, r] = body.rate;
+        Self {
+            vel_ned: body.vel_ned,
+            acc_ned: [out(&m[0]), out(&m[1]), out(&m[2]) + STANDARD_GRAVITY_M_S2],
+            attitude: [
+                -(x * p + y * q + z * r) * 0.5,
+                (w * p + y * r - z * q) * 0.5,
+                (w * q + z * p - x * r) * 0.5,
+                (w * r + x * q - y * p) * 0.5,
+            ],
+            rate,
+            specific_force,
+        }
+    }
 }
 
 /// Airspeed and flow angles.
@@ -172,17 +250,10 @@ pub fn flow(m: &[[f64; 3]; 3], vel_ned: &[f64; 3], wind_ned: &[f64; 3]) -> Flow 
 impl Dynamics {
     /// Prepares the constants of a checked aircraft.
     pub fn new(aircraft: &Aircraft) -> Self {
-        let b = &aircraft.body;
-        let det = b.ixx_kg_m2 * b.izz_kg_m2 - b.ixz_kg_m2 * b.ixz_kg_m2;
         Self {
             aircraft: aircraft.clone(),
-            inverse_mass: 1.0 / b.mass_kg,
-            inverse_inertia: [
-                b.izz_kg_m2 / det,
-                1.0 / b.iyy_kg_m2,
-                b.ixx_kg_m2 / det,
-                b.ixz_kg_m2 / det,
-            ],
+            inverse_mass: 1.0 / aircraft.body.mass_kg,
+            inertia: Inertia::of(&aircraft.body),
             induced: induced_drag_factor(aircraft),
             alpha_min: aircraft.limits.alpha_min_deg.to_radians(),
             alpha_max: aircraft.limits.alpha_stall_deg.to_radians(),
@@ -325,48 +396,15 @@ impl Dynamics {
         let flow = flow(&m, &body.vel_ned, &air.wind_ned);
         let (force, moment) = self.load(&flow, &body.rate, controls, air.density);
         let specific_force = force.map(|f| f * self.inverse_mass);
-        let out = |row: &[f64; 3]| {
-            row[0] * specific_force[0] + row[1] * specific_force[1] + row[2] * specific_force[2]
-        };
-        let [w, x, y, z] = body.attitude;
-        let [p, q, r] = body.rate;
-        StateDerivative {
-            vel_ned: body.vel_ned,
-            acc_ned: [out(&m[0]), out(&m[1]), out(&m[2]) + STANDARD_GRAVITY_M_S2],
-            attitude: [
-                -(x * p + y * q + z * r) * 0.5,
-                (w * p + y * r - z * q) * 0.5,
-                (w * q + z * p - x * r) * 0.5,
-                (w * r + x * q - y * p) * 0.5,
-            ],
-            rate: self.angular_acceleration(&body.rate, &moment),
-            specific_force,
-        }
+        let rate = self.angular_acceleration(&body.rate, &moment);
+        StateDerivative::of(body, &m, specific_force, rate)
     }
 
     /// Angular acceleration (rad/s²) at a rate (rad/s) by a moment (N m), body axes, by Euler's
     /// equation, I ω̇ = M − ω × I ω.
     #[inline(always)]
     pub fn angular_acceleration(&self, rate: &[f64; 3], moment: &[f64; 3]) -> [f64; 3] {
-        let b = &self.aircraft.body;
-        let [p, q, r] = *rate;
-        // Angular momentum; the product of inertia couples roll and yaw.
-        let momentum = [
-            p * b.ixx_kg_m2 - r * b.ixz_kg_m2,
-            q * b.iyy_kg_m2,
-            r * b.izz_kg_m2 - p * b.ixz_kg_m2,
-        ];
-        let net = [
-            moment[0] - (q * momentum[2] - r * momentum[1]),
-            moment[1] - (r * momentum[0] - p * momentum[2]),
-            moment[2] - (p * momentum[1] - q * momentum[0]),
-        ];
-        let [xx, yy, zz, xz] = self.inverse_inertia;
-        [
-            net[0] * xx + net[2] * xz,
-            net[1] * yy,
-            net[2] * zz + net[0] * xz,
-        ]
+        self.inertia.angular_acceleration(rate, moment)
     }
 
     /// One step of the classical fourth-order Runge-Kutta method with the controls known at its
@@ -380,33 +418,46 @@ impl Dynamics {
         air: &AirState,
         dt: f64,
     ) -> (Body, [f64; 3]) {
-        let k1 = self.derivative(body, &controls[0], air);
-        let k2 = self.derivative(&advance(body, &k1, 0.5 * dt), &controls[1], air);
-        let k3 = self.derivative(&advance(body, &k2, 0.5 * dt), &controls[1], air);
-        let k4 = self.derivative(&advance(body, &k3, dt), &controls[2], air);
-        let sixth = dt / 6.0;
-        let mix = |a: f64, b: f64, c: f64, d: f64| (a + (b + c) * 2.0 + d) * sixth;
-        let mut new = *body;
-        for k in 0..3 {
-            new.pos_ned[k] += mix(k1.vel_ned[k], k2.vel_ned[k], k3.vel_ned[k], k4.vel_ned[k]);
-            new.vel_ned[k] += mix(k1.acc_ned[k], k2.acc_ned[k], k3.acc_ned[k], k4.acc_ned[k]);
-            new.rate[k] += mix(k1.rate[k], k2.rate[k], k3.rate[k], k4.rate[k]);
-        }
-        for k in 0..4 {
-            new.attitude[k] += mix(
-                k1.attitude[k],
-                k2.attitude[k],
-                k3.attitude[k],
-                k4.attitude[k],
-            );
-        }
-        let [w, x, y, z] = new.attitude;
-        // Integration lets the quaternion's length drift; renormalised at each step it stays a
-        // rotation.
-        let scale = 1.0 / (w * w + x * x + y * y + z * z).sqrt();
-        new.attitude = new.attitude.map(|part| part * scale);
-        (new, k4.specific_force)
+        rk4(body, dt, |stage, body| {
+            self.derivative(body, &controls[stage], air)
+        })
     }
+}
+
+/// One step of the classical fourth-order Runge-Kutta method. `slope` is asked for the beginning (0), twice for the
+/// middle (1) and for the end (2) of the step. Returns the new state and the specific force at its end.
+#[inline(always)]
+pub(crate) fn rk4(
+    body: &Body,
+    dt: f64,
+    slope: impl Fn(usize, &Body) -> StateDerivative,
+) -> (Body, [f64; 3]) {
+    let k1 = slope(0, body);
+    let k2 = slope(1, &advance(body, &k1, 0.5 * dt));
+    let k3 = slope(1, &advance(body, &k2, 0.5 * dt));
+    let k4 = slope(2, &advance(body, &k3, dt));
+    let sixth = dt / 6.0;
+    let mix = |a: f64, b: f64, c: f64, d: f64| (a + (b + c) * 2.0 + d) * sixth;
+    let mut new = *body;
+    for k in 0..3 {
+        new.pos_ned[k] += mix(k1.vel_ned[k], k2.vel_ned[k], k3.vel_ned[k], k4.vel_ned[k]);
+        new.vel_ned[k] += mix(k1.acc_ned[k], k2.acc_ned[k], k3.acc_ned[k], k4.acc_ned[k]);
+        new.rate[k] += mix(k1.rate[k], k2.rate[k], k3.rate[k], k4.rate[k]);
+    }
+    for k in 0..4 {
+        new.attitude[k] += mix(
+            k1.attitude[k],
+            k2.attitude[k],
+            k3.attitude[k],
+            k4.attitude[k],
+        );
+    }
+    let [w, x, y, z] = new.attitude;
+    // Integration lets the quaternion's length drift; renormalised at each step it stays a
+    // rotation.
+    let scale = 1.0 / (w * w + x * x + y * y + z * z).sqrt();
+    new.attitude = new.attitude.map(|part| part * scale);
+    (new, k4.specific_force)
 }
 
 /// The state moved along a slope for `dt`.

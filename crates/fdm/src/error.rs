@@ -60,6 +60,14 @@ pub enum FdmError {
         /// The loops of the file's gains that lack margin.
         before: String,
     },
+    /// Something that the model of fixed wings alone has.
+    #[error("{aircraft} is a multirotor, and {what} is for fixed-wing aircraft")]
+    NotOfMultirotors {
+        /// The aircraft's name.
+        aircraft: String,
+        /// What was asked for.
+        what: String,
+    },
     /// An aircraft that cannot be written as TOML.
     #[error("aircraft cannot be written as TOML: {0}")]
     Unwritable(String),

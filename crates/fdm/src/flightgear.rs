@@ -64,8 +64,8 @@ impl Packet {
 }
 
 impl NetFdm {
-    /// The packet for a state of a vehicle with these surfaces.
-    pub fn encode(&self, state: &FlightState, surfaces: &Surfaces) -> [u8; PACKET_BYTES] {
+    /// The packet for a state of a vehicle with these surfaces; none of a multirotor.
+    pub fn encode(&self, state: &FlightState, surfaces: Option<&Surfaces>) -> [u8; PACKET_BYTES] {
         let mut out = Packet {
             bytes: [0; PACKET_BYTES],
             at: 0,
@@ -97,7 +97,8 @@ impl NetFdm {
         out.skip(1);
         // Visibility, m.
         out.floats(&[30_000.0]);
-        let travel = surfaces.max_deg.to_radians();
+        // Without surfaces all of them stand at zero, over any travel.
+        let travel = surfaces.map_or(1.0, |s| s.max_deg.to_radians());
         let elevator = state.elevator_rad / travel;
         let aileron = state.aileron_rad / travel;
         out.floats(&[

@@ -1,6 +1,8 @@
-//! How a small fixed-wing aircraft flies: aerodynamics, propulsion, servos, rigid body, and the
-//! autopilot's loops.
+//! How a small aircraft flies, fixed wing or multirotor: aerodynamics, propulsion, rigid body, and the autopilot's
+//! loops.
 //!
+//! - [`Airframe`]: an aircraft file of either kind; [`PilotedFlight`]: such an aircraft in flight with its autopilot;
+//! - [`multirotor`]: a multirotor, its rotors, and its autopilot; what follows is the fixed wing;
 //! - [`Aircraft`]: the aircraft as its TOML file describes it; [`extended::ExtendedAircraft`] adds
 //!   the [`mechanism`]s by which the one that flies differs from that description;
 //! - [`FlightSim`]: one vehicle in flight or on the ground, stepped through [`AirAround`] by
@@ -42,6 +44,7 @@
 
 pub mod aircraft;
 mod aircraft_file;
+mod airframe;
 pub mod autopilot;
 pub mod dynamics;
 mod error;
@@ -50,6 +53,8 @@ pub mod flight;
 pub mod flightgear;
 pub mod mechanism;
 mod mixing;
+pub mod multirotor;
+mod piloted;
 mod range;
 mod scalar;
 pub mod servo;
@@ -58,7 +63,10 @@ pub mod trim;
 pub mod tune;
 
 pub use aircraft::Aircraft;
+pub use airframe::{Airframe, SpeedRange};
 pub use dynamics::quaternion;
 pub use error::FdmError;
 pub use flight::FlightSim;
+pub use multirotor::Multirotor;
+pub use piloted::PilotedFlight;
 pub use state::{AirAround, FlightFlags, FlightPhase, FlightState, SurfaceCommand};

@@ -10,5 +10,6 @@ mod bad_aircraft;
 mod flying;
 mod jsbsim;
 mod laws;
+mod multirotor;
 mod published;
 mod tuning;

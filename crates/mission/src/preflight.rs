@@ -5,7 +5,7 @@
 use crate::setup::{NEAR_HOME_M, highest_near_home_m};
 use crate::{MissionError, Setup};
 use air::geo::{Enu, Geodetic};
-use fdm::Aircraft;
+use fdm::Airframe;
 use fdm::dynamics::Dynamics;
 use sc::SquadronController;
 use sc::controller::LEAST_OVER_GROUND_M_S;
@@ -28,6 +28,8 @@ const HOME_M: f64 = 500.0;
 /// Two vehicles on the ground are apart by this, m: each may touch down half of it off its home,
 /// where the approach is given up (`fdm`).
 const HOMES_APART_M: f64 = 30.0;
+/// The same of multirotors, which land within 1.5 m of their home (`fdm`), m.
+const HOVERING_HOMES_APART_M: f64 = 6.0;
 /// Heights of SRTM are right to this in nine of ten cases, m (Farr et al. 2007, the mission's goal).
 const TERRAIN_M: f64 = 16.0;
 /// Ground near a home may be this much higher, m: half the height of the circle beside an approach (`fdm`).
@@ -154,11 +156,11 @@ fn time(scenario: &Scenario) -> Result<Option<Finding>, MissionError> {
 fn endurance(
     setup: &Setup,
     name: &str,
-    aircraft: &Aircraft,
+    aircraft: &Airframe,
 ) -> Result<Option<Finding>, MissionError> {
     let scenario = &setup.scenario;
-    let (airspeed_m_s, limits) = (scenario.search.airspeed_m_s, &aircraft.limits);
-    let (slowest_m_s, fastest_m_s) = (limits.airspeed_min_m_s, limits.airspeed_max_m_s);
+    let (airspeed_m_s, speeds) = (scenario.search.airspeed_m_s, aircraft.speeds());
+    let (slowest_m_s, fastest_m_s) = (speeds.min_m_s, speeds.max_m_s);
     if !(slowest_m_s..=fastest_m_s).contains(&airspeed_m_s) {
         return Ok(Some(refused(
             "airspeed",
@@ -172,19 +174,13 @@ fn endurance(
     let middle_amsl_m =
         ground_amsl_m + 0.5 * (scenario.fence.floor_agl_m + scenario.fence.ceiling_agl_m);
     let density_kg_m3 = scenario.atmosphere()?.at(middle_amsl_m).density_kg_m3();
-    let trim = match fdm::trim::level(&Dynamics::new(aircraft), airspeed_m_s, density_kg_m3) {
-        Ok(trim) => trim,
-        Err(e) => return Ok(Some(refused("airspeed", format!("{name}: {e}")))),
+    let power_w = match level_power_w(setup, aircraft, density_kg_m3)? {
+        Ok(power_w) => power_w,
+        Err(why) => return Ok(Some(refused("airspeed", format!("{name}: {why}")))),
     };
-    let Some(battery) = aircraft.battery else {
+    let Some(battery) = aircraft.battery() else {
         return Ok(None);
     };
-    let power_w = battery.power_w(
-        &aircraft.propulsion,
-        airspeed_m_s,
-        trim.throttle,
-        density_kg_m3,
-    );
     let lasts_s = (1.0 - BATTERY_LOW) * battery.capacity_wh * 3600.0 / power_w;
     let words = |then: &str| {
         format!(
@@ -208,6 +204,45 @@ fn endurance(
         Some(warned("battery", words(&then)))
     } else {
         None
+    })
+}
+
+/// Electrical power of level flight, W, or why there is none: of a fixed wing at the team's airspeed, of a multirotor at its
+/// speed over ground against the wind at the ceiling.
+fn level_power_w(
+    setup: &Setup,
+    aircraft: &Airframe,
+    density_kg_m3: f64,
+) -> Result<Result<f64, String>, MissionError> {
+    let speed_m_s = setup.scenario.search.airspeed_m_s;
+    Ok(match aircraft {
+        Airframe::FixedWing(aircraft) => {
+            let trim = fdm::trim::level(&Dynamics::new(aircraft), speed_m_s, density_kg_m3);
+            trim.map_err(|e| e.to_string()).map(|trim| {
+                aircraft.battery.map_or(0.0, |battery| {
+                    battery.power_w(
+                        &aircraft.propulsion,
+                        speed_m_s,
+                        trim.throttle,
+                        density_kg_m3,
+                    )
+                })
+            })
+        }
+        Airframe::Multirotor(aircraft) => {
+            let airspeed_m_s = speed_m_s + strongest_wind_m_s(setup)?.1;
+            let most_m_s = aircraft.limits.airspeed_max_m_s;
+            let power_w = aircraft
+                .level_power_w(airspeed_m_s, density_kg_m3)
+                .filter(|_| airspeed_m_s <= most_m_s);
+            match (power_w, aircraft.battery) {
+                (_, None) if airspeed_m_s <= most_m_s => Ok(0.0),
+                (Some(power_w), _) => Ok(power_w),
+                _ => Err(format!(
+                    "speed and wind together are {airspeed_m_s:.1} m/s; expected at most {most_m_s} m/s"
+                )),
+            }
+        }
     })
 }
 
@@ -314,15 +349,20 @@ fn homes(setup: &Setup, airspace: &Airspace) -> Result<Vec<Finding>, MissionErro
         let near = |(_, there): &&(_, Enu)| there.distance_m(home) < HOMES_APART_M;
         for (other, there) in before.iter().filter(near) {
             let apart_m = there.distance_m(home);
-            let span_m = setup.aircraft_of(index)?.wing.span_m;
+            let aircraft = setup.aircraft_of(index)?;
+            let expected_m = if aircraft.hovers() {
+                HOVERING_HOMES_APART_M
+            } else {
+                HOMES_APART_M
+            };
             let words = format!(
                 "the homes of vehicles {} and {id} are {apart_m:.0} m apart; expected at least \
-                 {HOMES_APART_M:.0} m, so that no vehicle lands on another",
+                 {expected_m:.0} m, so that no vehicle lands on another",
                 other.id
             );
-            if apart_m < span_m {
+            if apart_m < aircraft.width_m() {
                 found.push(refused("home", words));
-            } else if apart_m < HOMES_APART_M {
+            } else if apart_m < expected_m {
                 found.push(warned("home", words));
             }
         }

@@ -141,7 +141,8 @@ impl RealVehicle {
         let watch = SafetyMonitor::new(&setup.scenario, index)?;
         let name = setup.name_of(index)?;
         let aircraft = setup.aircraft_of(index)?;
-        let body = BridgedVehicle::new(aircraft.surfaces);
+        let surfaces = aircraft.fixed_wing().map(|fixed_wing| fixed_wing.surfaces);
+        let body = BridgedVehicle::new(surfaces);
         let body = VehicleBackend::Bridged(Box::new(body));
         let outer_loop = bridge
             .attitude_targets

@@ -5,7 +5,7 @@ use air::geo::{Enu, Geodetic, LocalFrame};
 use air::isa::Atmosphere;
 use air::terrain::Terrain;
 use air::wind::WindSeries;
-use fdm::Aircraft;
+use fdm::Airframe;
 use mav_bridge::arduplane::{MAV_GCS_SYSID, SYSID_MYGCS};
 use plume::stability::Stability;
 use scenario::Scenario;
@@ -32,7 +32,7 @@ pub struct Setup {
     /// The scenario, checked.
     pub scenario: Scenario,
     /// Aircraft by the name under which vehicles ask for them.
-    pub aircraft: BTreeMap<String, Aircraft>,
+    pub aircraft: BTreeMap<String, Airframe>,
     /// Measured wind, where the scenario names a series.
     pub wind_series: Option<WindSeries>,
     /// Stability classes of that series with the times from which they hold, s; missions fly in the scenario's.
@@ -255,7 +255,7 @@ impl Setup {
     ///
     /// # Errors
     /// No such vehicle.
-    pub(crate) fn aircraft_of(&self, index: usize) -> Result<&Aircraft, MissionError> {
+    pub(crate) fn aircraft_of(&self, index: usize) -> Result<&Airframe, MissionError> {
         self.scenario
             .vehicles
             .get(index)
@@ -280,7 +280,7 @@ impl Setup {
     pub fn stand_in_config_of(
         &self,
         index: usize,
-        aircraft: Aircraft,
+        aircraft: Airframe,
     ) -> Result<StandInConfig, MissionError> {
         let mut config = StandInConfig::from_scenario(&self.scenario, index, aircraft)?;
         let vehicle = &self.scenario.vehicles[index];
@@ -425,7 +425,7 @@ pub(crate) fn highest_near_home_m(terrain: &Terrain, frame: &LocalFrame, home: E
         .fold(f64::NEG_INFINITY, f64::max)
 }
 
-fn load_aircraft(name: &str, named_by: &str, read: ReadFile<'_>) -> Result<Aircraft, MissionError> {
+fn load_aircraft(name: &str, named_by: &str, read: ReadFile<'_>) -> Result<Airframe, MissionError> {
     let refuse = |why: String| MissionError::File {
         file: name.to_owned(),
         why,
@@ -437,7 +437,7 @@ fn load_aircraft(name: &str, named_by: &str, read: ReadFile<'_>) -> Result<Aircr
         Err(_) if name == BUILT_IN_AIRCRAFT => BUILT_IN.to_owned(),
         Err(why) => return Err(refuse(why)),
     };
-    Aircraft::from_toml(name, &text).map_err(|e| refuse(e.to_string()))
+    Airframe::from_toml(name, &text).map_err(|e| refuse(e.to_string()))
 }
 
 #[cfg(test)]

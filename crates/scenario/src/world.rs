@@ -279,7 +279,7 @@ impl Scenario {
         Ok(self.fence.polygon.iter().map(corner).collect())
     }
 
-    /// The aircraft that the vehicle `id` really is: `aircraft` with the scenario's mechanisms of
+    /// The aircraft that the vehicle `id` really is: `airframe` with the scenario's mechanisms of
     /// flight.
     ///
     /// # Errors
@@ -287,17 +287,18 @@ impl Scenario {
     pub fn extend_aircraft(
         &self,
         id: &str,
-        aircraft: &fdm::Aircraft,
-    ) -> Result<fdm::Aircraft, WorldError> {
-        let mut extended = aircraft.clone();
+        airframe: &fdm::Airframe,
+    ) -> Result<fdm::Airframe, WorldError> {
+        let mut mechanisms = Vec::new();
         for mechanism in &self.mechanisms {
             let mine =
                 mechanism.platforms.is_empty() || mechanism.platforms.iter().any(|p| p == id);
             if mine && fdm::mechanism::spec(&mechanism.id).is_some() {
-                extended.mechanism.push(mechanism.of_flight()?);
+                mechanisms.push(mechanism.of_flight()?);
             }
         }
-        Ok(extended)
+        let extended = airframe.clone().extended(mechanisms);
+        extended.map_err(|e| WorldError::Flight(e.to_string()))
     }
 
     /// What only the models themselves can check; part of parsing.

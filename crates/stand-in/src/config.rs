@@ -6,7 +6,7 @@ use air::geo::{Geodetic, LocalFrame};
 use air::isa::Atmosphere;
 use air::terrain::Terrain;
 use air::wind::WindSeries;
-use fdm::Aircraft;
+use fdm::Airframe;
 use mav_bridge::signing::SigningConfig;
 use plume::DispersionModel;
 use scenario::Scenario;
@@ -20,7 +20,7 @@ pub struct StandInConfig {
     /// Name of the platform, for mechanisms that apply to one only.
     pub platform: String,
     /// The airframe.
-    pub aircraft: Aircraft,
+    pub aircraft: Airframe,
     /// Its reality: wind, air, plume, sensor.
     pub model: DispersionModel,
     /// The site's local frame.
@@ -57,7 +57,7 @@ impl StandInConfig {
     pub fn from_scenario(
         scenario: &Scenario,
         index: usize,
-        aircraft: Aircraft,
+        aircraft: Airframe,
     ) -> Result<Self, StandInError> {
         let vehicle = scenario
             .vehicles
@@ -75,7 +75,7 @@ impl StandInConfig {
         let home_air = model.spec().atmosphere.at(home_amsl_m);
         let sea_level = Atmosphere::standard().at(0.0).density_kg_m3();
         let eas_over_tas = (home_air.density_kg_m3() / sea_level).sqrt();
-        let limits = aircraft.limits;
+        let speeds = aircraft.speeds();
         Ok(Self {
             system_id: u8::try_from(index + 1).unwrap_or(1),
             platform: vehicle.id.clone(),
@@ -88,9 +88,9 @@ impl StandInConfig {
             wind_series: None,
             unsteady: reality.unsteady_weather(),
             parameters: AutopilotParameters::new(
-                limits.airspeed_min_m_s * eas_over_tas,
-                limits.airspeed_max_m_s * eas_over_tas,
-                aircraft.control.loiter_radius_m,
+                speeds.min_m_s * eas_over_tas,
+                speeds.max_m_s * eas_over_tas,
+                aircraft.loiter_radius_m(),
             ),
             has_landing_sequence: true,
             signing: None,

@@ -3,6 +3,7 @@
 
 use fdm::FlightState;
 use fdm::autopilot::Sensed;
+use fdm::multirotor::Navigation;
 use rand::rngs::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
@@ -11,9 +12,7 @@ const POSITION_ERROR_TIME_S: f64 = 60.0;
 const WIND_ERROR_TIME_S: f64 = 90.0;
 /// Time over which the wind estimate follows the wind, s.
 const WIND_FOLLOWS_S: f64 = 8.0;
-/// Standard deviations: horizontal and vertical position, m; velocity, airspeed and wind, m/s.
-const HORIZONTAL_SD_M: f64 = 0.6;
-const VERTICAL_SD_M: f64 = 0.8;
+/// Standard deviations of velocity, airspeed and wind, m/s.
 const VELOCITY_SD_M_S: f64 = 0.05;
 const AIRSPEED_SD_M_S: f64 = 0.15;
 const WIND_SD_M_S: f64 = 0.4;
@@ -21,6 +20,8 @@ const WIND_SD_M_S: f64 = 0.4;
 /// Errors that drift slowly, and the wind as estimated.
 #[derive(Debug, Clone)]
 pub(crate) struct Estimator {
+    /// Standard deviation of each component of position, m.
+    position_sd_m: [f64; 3],
     position_error_m: [f64; 3],
     velocity_error_m_s: [f64; 3],
     airspeed_error_m_s: f64,
@@ -41,13 +42,15 @@ fn ornstein_uhlenbeck(value: f64, sd: f64, dt_s: f64, time_s: f64, rng: &mut Cha
 }
 
 impl Estimator {
-    pub(crate) fn new(rng: &mut ChaCha8Rng) -> Self {
+    pub(crate) fn new(navigation: Navigation, rng: &mut ChaCha8Rng) -> Self {
+        let position_sd_m = [
+            navigation.horizontal_sd_m,
+            navigation.horizontal_sd_m,
+            navigation.vertical_sd_m,
+        ];
         Self {
-            position_error_m: [
-                HORIZONTAL_SD_M * normal(rng),
-                HORIZONTAL_SD_M * normal(rng),
-                VERTICAL_SD_M * normal(rng),
-            ],
+            position_error_m: position_sd_m.map(|sd| sd * normal(rng)),
+            position_sd_m,
             velocity_error_m_s: [0.0; 3],
             airspeed_error_m_s: 0.0,
             wind_error_m_s: [WIND_SD_M_S * normal(rng), WIND_SD_M_S * normal(rng)],
@@ -63,8 +66,7 @@ impl Estimator {
         flying: bool,
         rng: &mut ChaCha8Rng,
     ) {
-        let sds = [HORIZONTAL_SD_M, HORIZONTAL_SD_M, VERTICAL_SD_M];
-        for (error, sd) in self.position_error_m.iter_mut().zip(sds) {
+        for (error, sd) in self.position_error_m.iter_mut().zip(self.position_sd_m) {
             *error = ornstein_uhlenbeck(*error, sd, dt_s, POSITION_ERROR_TIME_S, rng);
         }
         // Velocity and airspeed are measured anew each time: white, unlike position and wind.

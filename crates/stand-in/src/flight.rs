@@ -9,8 +9,8 @@ use crate::parameters::{
 };
 use crate::reality::Reality;
 use air::geo::Enu;
-use fdm::autopilot::{Autopilot, Demand, HeldAttitude, Path, Sensed, Sticks};
-use fdm::{Aircraft, FdmError, FlightPhase, FlightSim, FlightState, SurfaceCommand};
+use fdm::autopilot::{Demand, HeldAttitude, Path, Sensed, Sticks};
+use fdm::{AirAround, Airframe, FdmError, FlightPhase, FlightState, PilotedFlight};
 use mav_bridge::arduplane::{AUTO, CIRCLE, FBWA, GUIDED, LOITER, MANUAL, RTL, TAKEOFF, TKOFF_ALT};
 use rand::rngs::ChaCha8Rng;
 
@@ -64,8 +64,7 @@ pub(crate) struct Guidance {
 /// The vehicle in flight.
 #[derive(Debug, Clone)]
 pub(crate) struct FlightController {
-    sim: FlightSim,
-    autopilot: Autopilot,
+    craft: PilotedFlight,
     estimator: Estimator,
     sensed: Sensed,
     home: HomePosition,
@@ -90,22 +89,21 @@ pub(crate) struct FlightController {
 
 impl FlightController {
     pub(crate) fn new(
-        aircraft: &Aircraft,
+        aircraft: &Airframe,
         home: HomePosition,
         rng: &mut ChaCha8Rng,
     ) -> Result<Self, FdmError> {
-        let sim = FlightSim::on_ground(
+        let craft = PilotedFlight::on_ground(
             aircraft,
             home.at.north_m,
             home.at.east_m,
             home.ground_amsl_m,
             home.heading_deg,
         )?;
-        let cruise_m_s = aircraft.limits.airspeed_cruise_m_s;
-        let estimator = Estimator::new(rng);
-        let sensed = estimator.sensed(&sim.state(), 1.2);
+        let cruise_m_s = aircraft.speeds().cruise_m_s;
+        let estimator = Estimator::new(aircraft.navigation(), rng);
+        let sensed = estimator.sensed(&craft.state(), 1.2);
         Ok(Self {
-            autopilot: Autopilot::new(aircraft),
             estimator,
             sensed,
             home,
@@ -127,12 +125,12 @@ impl FlightController {
             climbing: false,
             return_to: None,
             held: [None; 3],
-            sim,
+            craft,
         })
     }
 
     pub(crate) fn state(&self) -> FlightState {
-        self.sim.state()
+        self.craft.state()
     }
 
     /// The state as its autopilot estimates it.
@@ -186,7 +184,7 @@ impl FlightController {
 
     /// What guides it now.
     pub(crate) fn guidance(&self) -> Guidance {
-        let status = self.autopilot.status();
+        let status = self.craft.status();
         let target = match (self.mode, self.target.path) {
             (AUTO, _) => self.mission.target(),
             (RTL, _) => self.return_to,
@@ -218,7 +216,7 @@ impl FlightController {
     pub(crate) fn set_armed(&mut self, armed: bool) {
         self.armed = armed;
         if !armed {
-            self.autopilot.reset();
+            self.craft.reset();
             if self.mode == AUTO {
                 self.mission.reset();
             }
@@ -358,11 +356,11 @@ impl FlightController {
         orders: &Orders,
         rng: &mut ChaCha8Rng,
     ) {
-        let state = self.sim.state();
+        let state = self.craft.state();
         self.slow_s += dt_s;
         if self.slow_s >= SLOW_S - 1e-9 {
             reality.update_mean_air(&state, time_s);
-            self.sim.set_ground_amsl_m(reality.ground_amsl_m(&state));
+            self.craft.set_ground_amsl_m(reality.ground_amsl_m(&state));
             let wind = reality.around().wind_ned_m_s;
             let flying = state.phase == FlightPhase::Flying;
             self.estimator.step(self.slow_s, wind, flying, rng);
@@ -371,18 +369,10 @@ impl FlightController {
         let around = reality.step_gusts(dt_s, state.airspeed_m_s, rng);
         self.sensed = self
             .estimator
-            .sensed(&self.sim.sensed(), around.density_kg_m3);
+            .sensed(&self.craft.sensed(), around.density_kg_m3);
         let mission_path = self.fly_mission(time_s, reality, orders);
-        let command = match self.held(time_s).filter(|_| self.armed) {
-            Some(held) => {
-                let demand = self.demand(mission_path, reality, orders);
-                self.autopilot
-                    .command_held(dt_s, &self.sensed, &demand, &held)
-            }
-            None => self.command(dt_s, mission_path, reality, orders),
-        };
-        self.sim.step(dt_s, &around, &command);
-        let landed = self.sim.state().phase == FlightPhase::OnGround;
+        self.fly((dt_s, time_s), &around, mission_path, reality, orders);
+        let landed = self.craft.state().phase == FlightPhase::OnGround;
         let landing = self.mode == AUTO && self.mission.is_landing(orders.mission);
         if landing && self.armed && landed {
             self.set_armed(false);
@@ -426,21 +416,26 @@ impl FlightController {
         path
     }
 
-    fn command(
+    /// Flies for `dt_s` at `time_s`: disarmed, by sticks, or by what the mode demands.
+    fn fly(
         &mut self,
-        dt_s: f64,
+        (dt_s, time_s): (f64, f64),
+        around: &AirAround,
         mission_path: Option<(Path, f64)>,
         reality: &Reality,
         orders: &Orders,
-    ) -> SurfaceCommand {
+    ) {
+        let held = self.held(time_s);
         if !self.armed {
-            return SurfaceCommand::default();
+            self.craft.rest(dt_s, around);
+        } else if held.is_none() && is_manual(self.mode) {
+            self.craft
+                .fly_by_wire(dt_s, around, &self.sensed, &self.sticks);
+        } else {
+            let demand = self.demand(mission_path, reality, orders);
+            self.craft
+                .fly_held(dt_s, around, &self.sensed, &demand, held.as_ref());
         }
-        if is_manual(self.mode) {
-            return self.autopilot.fly_by_wire(dt_s, &self.sensed, &self.sticks);
-        }
-        let demand = self.demand(mission_path, reality, orders);
-        self.autopilot.command(dt_s, &self.sensed, &demand)
     }
 
     /// Where RTL leads: to the nearest rally point, else home.

@@ -1,7 +1,7 @@
 //! Flight dynamics for an autopilot that runs elsewhere: ArduPilot's JSON interface for simulators.
 //!
-//! An ArduPlane of the user's own, started with `--model JSON:HOST`, sends the pulses of its servos and waits for
-//! the motion that comes of them; a [`JsonBackend`] flies the scenario's aircraft in the scenario's reality between
+//! An ArduPlane or ArduCopter of the user's own, started with `--model JSON:HOST`, sends the pulses of its servos or
+//! motors and waits for the motion that comes of them; a [`JsonBackend`] flies the scenario's aircraft in the scenario's reality between
 //! the two. Source of the format: ArduPilot, `libraries/SITL/examples/JSON/readme.md` (2025).
 
 use crate::config::StandInConfig;
@@ -9,7 +9,8 @@ use crate::error::StandInError;
 use crate::home_position::HomePosition;
 use crate::reality::Reality;
 use fdm::aircraft::Servos;
-use fdm::{FlightPhase, FlightSim, FlightState};
+use fdm::multirotor::{MotorOutputs, MultirotorSim};
+use fdm::{AirAround, Airframe, FdmError, FlightPhase, FlightSim, FlightState};
 use rand::SeedableRng as _;
 use rand::rngs::ChaCha8Rng;
 
@@ -93,7 +94,6 @@ pub enum Stepped {
 pub struct JsonBackend {
     config: StandInConfig,
     seed: u64,
-    servos: Servos,
     flight: Flight,
     last_count: Option<u32>,
 }
@@ -102,13 +102,72 @@ pub struct JsonBackend {
 #[derive(Debug)]
 struct Flight {
     reality: Reality,
-    sim: FlightSim,
+    craft: Craft,
     rng: ChaCha8Rng,
     home: HomePosition,
     time_s: f64,
     slow_s: f64,
     gas_at_s: f64,
     gas: Option<GasReading>,
+}
+
+/// The aircraft without an autopilot, and how it reads the pulses of one.
+#[derive(Debug)]
+enum Craft {
+    FixedWing(Box<FlightSim>, Servos),
+    Multirotor(Box<MultirotorSim>, MotorOutputs),
+}
+
+impl Craft {
+    fn on_ground(airframe: &Airframe, home: &HomePosition) -> Result<Self, FdmError> {
+        let (north_m, east_m) = (home.at.north_m, home.at.east_m);
+        let (ground_amsl_m, heading_deg) = (home.ground_amsl_m, home.heading_deg);
+        Ok(match airframe {
+            Airframe::FixedWing(aircraft) => {
+                let sim =
+                    FlightSim::on_ground(aircraft, north_m, east_m, ground_amsl_m, heading_deg)?;
+                Self::FixedWing(Box::new(sim), aircraft.servos.unwrap_or_default())
+            }
+            Airframe::Multirotor(aircraft) => {
+                let sim = MultirotorSim::on_ground(
+                    aircraft,
+                    north_m,
+                    east_m,
+                    ground_amsl_m,
+                    heading_deg,
+                )?;
+                Self::Multirotor(Box::new(sim), aircraft.motors)
+            }
+        })
+    }
+
+    fn state(&self) -> FlightState {
+        match self {
+            Self::FixedWing(sim, _) => sim.state(),
+            Self::Multirotor(sim, _) => sim.state(),
+        }
+    }
+
+    fn set_ground_amsl_m(&mut self, ground_amsl_m: f64) {
+        match self {
+            Self::FixedWing(sim, _) => sim.set_ground_amsl_m(ground_amsl_m),
+            Self::Multirotor(sim, _) => sim.set_ground_amsl_m(ground_amsl_m),
+        }
+    }
+
+    fn step(&mut self, dt_s: f64, around: &AirAround, pulses_us: &[u16]) {
+        match self {
+            Self::FixedWing(sim, servos) => {
+                let mut command = servos.command(pulses_us, &sim.aircraft().surfaces);
+                let on_ground = sim.state().phase == FlightPhase::OnGround;
+                command.launch = on_ground && command.throttle >= LAUNCH_THROTTLE;
+                sim.step(dt_s, around, &command);
+            }
+            Self::Multirotor(sim, motors) => {
+                sim.step_rotors(dt_s, around, &motors.speeds(pulses_us));
+            }
+        }
+    }
 }
 
 impl JsonBackend {
@@ -119,7 +178,6 @@ impl JsonBackend {
     pub fn new(config: StandInConfig, seed: u64) -> Result<Self, StandInError> {
         Ok(Self {
             flight: Flight::new(&config, seed)?,
-            servos: config.aircraft.servos.unwrap_or_default(),
             config,
             seed,
             last_count: None,
@@ -147,7 +205,7 @@ impl JsonBackend {
         if stepped == Stepped::Anew {
             self.flight = Flight::new(&self.config, self.seed)?;
         }
-        self.flight.step(packet, &self.servos);
+        self.flight.step(packet);
         Ok(stepped)
     }
 
@@ -158,7 +216,7 @@ impl JsonBackend {
 
     /// What the aircraft does.
     pub fn state(&self) -> FlightState {
-        self.flight.sim.state()
+        self.flight.craft.state()
     }
 
     /// The latest reading of its gas sensor, once.
@@ -200,13 +258,7 @@ impl Flight {
     fn new(config: &StandInConfig, seed: u64) -> Result<Self, StandInError> {
         let home = HomePosition::of(config);
         Ok(Self {
-            sim: FlightSim::on_ground(
-                &config.aircraft,
-                home.at.north_m,
-                home.at.east_m,
-                home.ground_amsl_m,
-                home.heading_deg,
-            )?,
+            craft: Craft::on_ground(&config.aircraft, &home)?,
             reality: Reality::of(config),
             rng: ChaCha8Rng::seed_from_u64(seed),
             home,
@@ -217,23 +269,20 @@ impl Flight {
         })
     }
 
-    fn step(&mut self, packet: &ServoPacket, servos: &Servos) {
+    fn step(&mut self, packet: &ServoPacket) {
         let dt_s = 1.0 / f64::from(packet.rate_hz);
-        let state = self.sim.state();
+        let state = self.craft.state();
         self.slow_s += dt_s;
         if self.slow_s >= SLOW_S {
             self.reality.update_mean_air(&state, self.time_s);
-            self.sim
+            self.craft
                 .set_ground_amsl_m(self.reality.ground_amsl_m(&state));
             self.slow_s = 0.0;
         }
-        let mut command = servos.command(&packet.pulses_us, &self.sim.aircraft().surfaces);
-        let on_ground = state.phase == FlightPhase::OnGround;
-        command.launch = on_ground && command.throttle >= LAUNCH_THROTTLE;
         let around = self
             .reality
             .step_gusts(dt_s, state.airspeed_m_s, &mut self.rng);
-        self.sim.step(dt_s, &around, &command);
+        self.craft.step(dt_s, &around, &packet.pulses_us);
         self.time_s += dt_s;
         self.sense_gas();
     }
@@ -241,7 +290,7 @@ impl Flight {
     fn sense_gas(&mut self) {
         let since_s = self.time_s - self.gas_at_s;
         if since_s >= GAS_S {
-            let state = self.sim.state();
+            let state = self.craft.state();
             let ppm = self
                 .reality
                 .read_gas(&state, self.time_s, since_s, &mut self.rng);

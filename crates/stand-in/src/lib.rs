@@ -16,7 +16,7 @@
 //!     include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios/as-pontes.toml")),
 //! )?;
 //! let x8 = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../aircraft/x8.toml"));
-//! let aircraft = fdm::Aircraft::from_toml("x8.toml", x8)?;
+//! let aircraft = fdm::Airframe::from_toml("x8.toml", x8)?;
 //! let config = StandInConfig::from_scenario(&scenario, 5, aircraft)?;
 //! let mut vehicle = StandIn::new(config, ChaCha8Rng::seed_from_u64(7))?;
 //! let frames = vehicle.step(SimTime::ZERO, &[]);

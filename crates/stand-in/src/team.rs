@@ -99,18 +99,18 @@ impl TeamVehicle {
     pub fn new(
         scenario: &Scenario,
         index: usize,
-        aircraft: &fdm::Aircraft,
+        aircraft: &fdm::Airframe,
         home_amsl_m: f64,
     ) -> Option<Self> {
         let system_id = u8::try_from(index + 1).ok().filter(|&id| id < 255)?;
         let frame = scenario.frame().ok()?;
         let atmosphere = scenario.atmosphere().ok()?;
-        let limits = aircraft.limits;
+        let speeds = aircraft.speeds();
         let eas_over_tas = eas_over_tas(&atmosphere, home_amsl_m);
         let parameters = AutopilotParameters::new(
-            limits.airspeed_min_m_s * eas_over_tas,
-            limits.airspeed_max_m_s * eas_over_tas,
-            aircraft.control.loiter_radius_m,
+            speeds.min_m_s * eas_over_tas,
+            speeds.max_m_s * eas_over_tas,
+            aircraft.loiter_radius_m(),
         );
         Some(Self {
             speaker: Speaker::new(system_id, parameters, team_streams(), &MODES, None),
@@ -122,7 +122,7 @@ impl TeamVehicle {
             bounds: Bounds::of(scenario, index).ok()?,
             frame,
             atmosphere,
-            cruise_m_s: limits.airspeed_cruise_m_s,
+            cruise_m_s: speeds.cruise_m_s,
             gas: scenario.gas(),
             state: None,
             reading: None,

@@ -2,7 +2,7 @@
 //! and the aircraft that flew them.
 
 use crate::TaskError;
-use fdm::Aircraft;
+use fdm::{Aircraft, Airframe};
 use gap::flight::log::FlightLog;
 use mission::Setup;
 use plume::Gas;
@@ -171,6 +171,15 @@ impl AircraftFile {
             aircraft,
         })
     }
+}
+
+/// Reads an aircraft file of either kind.
+///
+/// # Errors
+/// As [`AircraftFile::read`].
+pub fn airframe(file: &Path) -> Result<Airframe, TaskError> {
+    let text = read(file, "aircraft")?;
+    Ok(Airframe::from_toml(&file.display().to_string(), &text)?)
 }
 
 /// Reads a measured flight.

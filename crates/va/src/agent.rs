@@ -308,7 +308,7 @@ mod tests {
         let aircraft =
             fdm::Aircraft::from_toml("x8.toml", include_str!("../../../aircraft/x8.toml")).unwrap();
         let monitor = SafetyMonitor::new(&scenario, 5).unwrap();
-        let body = BridgedVehicle::new(aircraft.surfaces);
+        let body = BridgedVehicle::new(Some(aircraft.surfaces));
         let mut va =
             VirtualAircraft::new("6", VehicleBackend::Bridged(Box::new(body)), monitor).unwrap();
         let name = Name::new("6").unwrap();
@@ -401,7 +401,7 @@ mod tests {
             fdm::Aircraft::from_toml("x8.toml", include_str!("../../../aircraft/x8.toml")).unwrap();
         let monitor = SafetyMonitor::new(&scenario, 0).unwrap();
         let top_m = scenario.fence_top_amsl_m();
-        let body = BridgedVehicle::new(aircraft.surfaces);
+        let body = BridgedVehicle::new(Some(aircraft.surfaces));
         let body = VehicleBackend::Bridged(Box::new(body));
         let mut va = VirtualAircraft::new("1", body, monitor).unwrap();
         let topic = Topic::Setpoint(Name::new("1").unwrap());

@@ -8,7 +8,7 @@ use protocol::message::{EventMessage, Setpoint, State};
 /// A real aircraft behind a bridge.
 #[derive(Debug)]
 pub struct BridgedVehicle {
-    surfaces: Surfaces,
+    surfaces: Option<Surfaces>,
     /// The report that is not published yet.
     pending: VehicleReport,
     last: Option<State>,
@@ -17,8 +17,8 @@ pub struct BridgedVehicle {
 }
 
 impl BridgedVehicle {
-    /// A vehicle with these control surfaces that waits for its first report.
-    pub fn new(surfaces: Surfaces) -> Self {
+    /// A vehicle with these control surfaces, if it has any, that waits for its first report.
+    pub fn new(surfaces: Option<Surfaces>) -> Self {
         Self {
             surfaces,
             pending: VehicleReport::default(),
@@ -28,8 +28,8 @@ impl BridgedVehicle {
         }
     }
 
-    pub(crate) fn surfaces(&self) -> &Surfaces {
-        &self.surfaces
+    pub(crate) fn surfaces(&self) -> Option<&Surfaces> {
+        self.surfaces.as_ref()
     }
 
     /// Receives a report; a newer state and mode replace those not published yet.

@@ -17,7 +17,7 @@
 //!     include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios/as-pontes.toml")),
 //! )?;
 //! let x8 = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../aircraft/x8.toml"));
-//! let aircraft = &fdm::Aircraft::from_toml("x8.toml", x8)?;
+//! let aircraft = &fdm::Airframe::from_toml("x8.toml", x8)?;
 //! let ground_amsl_m = scenario.site.ground_amsl_m;
 //! let layer_amsl_m = scenario.layers_amsl_m()[0];
 //! let config = SimulatedConfig { scenario: &scenario, index: 0, aircraft, ground_amsl_m, layer_amsl_m };

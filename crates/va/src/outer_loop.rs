@@ -5,8 +5,8 @@ use crate::error::VaError;
 use crate::simulated::path_of;
 use air::geo::{Enu, Geodetic, LocalFrame};
 use air::isa::Atmosphere;
-use fdm::Aircraft;
 use fdm::autopilot::{AttitudeDemand, Autopilot, Demand, Path, Sensed};
+use fdm::{Airframe, FdmError};
 use protocol::SimTime;
 use protocol::message::{Setpoint, State};
 use scenario::Scenario;
@@ -30,8 +30,12 @@ impl OuterLoop {
     /// The outer loop of an aircraft of that type in the air of the scenario.
     ///
     /// # Errors
-    /// A scenario that describes no air.
-    pub fn new(scenario: &Scenario, aircraft: &Aircraft) -> Result<Self, VaError> {
+    /// A scenario that describes no air, or a multirotor, whose attitudes only its own autopilot commands.
+    pub fn new(scenario: &Scenario, airframe: &Airframe) -> Result<Self, VaError> {
+        let aircraft = airframe.fixed_wing().ok_or(FdmError::NotOfMultirotors {
+            aircraft: airframe.name().to_owned(),
+            what: "outer_loop = \"plumage\"".to_owned(),
+        })?;
         Ok(Self {
             frame: scenario.frame()?,
             atmosphere: scenario.atmosphere()?,

@@ -7,10 +7,10 @@ use crate::report::VehicleReport;
 use crate::safety_monitor::ObservedPosition;
 use air::geo::{Enu, Geodetic, LocalFrame, wrap_deg};
 use air::isa::Air;
-use fdm::aircraft::{Battery, StateOfCharge};
-use fdm::autopilot::{Autopilot, Demand, Path, Sensed, Sticks};
+use fdm::aircraft::StateOfCharge;
+use fdm::autopilot::{Demand, Path, Sensed, Sticks};
 use fdm::flightgear::{NetFdm, PACKET_BYTES};
-use fdm::{AirAround, Aircraft, FlightPhase, FlightSim, FlightState};
+use fdm::{AirAround, Airframe, FlightPhase, FlightState, PilotedFlight};
 use plume::Sensor;
 use plume::effects::SensorAir;
 use protocol::SimTime;
@@ -47,7 +47,7 @@ pub struct SimulatedConfig<'a> {
     /// Index of the vehicle in the scenario's team.
     pub index: usize,
     /// Its aircraft.
-    pub aircraft: &'a Aircraft,
+    pub aircraft: &'a Airframe,
     /// Height of the ground at its home, m above mean sea level.
     pub ground_amsl_m: f64,
     /// Height of its layer, which no neighbour shares, m above mean sea level
@@ -58,8 +58,7 @@ pub struct SimulatedConfig<'a> {
 /// A simulated vehicle.
 pub struct SimulatedVehicle {
     frame: LocalFrame,
-    sim: FlightSim,
-    autopilot: Autopilot,
+    craft: PilotedFlight,
     sensor: Sensor,
     rng: ChaCha8Rng,
     guardian: Guardian,
@@ -79,7 +78,7 @@ pub struct SimulatedVehicle {
     sticks_at: Option<SimTime>,
     /// Destination from the pilot, in place of sticks.
     sent_to: Option<Destination>,
-    battery: Option<(Battery, StateOfCharge)>,
+    battery: Option<StateOfCharge>,
     events: Vec<EventMessage>,
     last_reading_s: f64,
     /// The take-off of this flight is complete.
@@ -121,9 +120,9 @@ impl SimulatedVehicle {
         let launch_heading_deg = wrap_deg(scenario.weather.wind_from_deg);
         let spec = scenario.dispersion_spec()?;
         Ok(Self {
-            sim: match from {
+            craft: match from {
                 Some(state) => flown_as(state, aircraft, &frame)?,
-                None => FlightSim::on_ground(
+                None => PilotedFlight::on_ground(
                     aircraft,
                     home.north_m,
                     home.east_m,
@@ -131,12 +130,11 @@ impl SimulatedVehicle {
                     launch_heading_deg,
                 )?,
             },
-            autopilot: Autopilot::new(aircraft),
             sensor: Sensor::new(&spec.sensor, &spec.mechanisms, &vehicle.id),
             rng: stream(scenario.mission.seed, &format!("va/{}/sensor", vehicle.id)),
             frame,
             guardian: Guardian::new(scenario, index, layer_amsl_m)?,
-            battery: aircraft.battery.map(|b| (b, StateOfCharge::full(&b))),
+            battery: aircraft.battery().map(|b| StateOfCharge::full(&b)),
             launch_heading_deg,
             tick_s: scenario.mission.tick_s,
             speed_m_s: scenario.search.airspeed_m_s,
@@ -156,11 +154,11 @@ impl SimulatedVehicle {
 
     /// State of the flight, for displays.
     pub fn flight(&self) -> FlightState {
-        self.sim.state()
+        self.craft.state()
     }
 
     pub(crate) fn net_fdm(&self, unix_time_s: u32) -> [u8; PACKET_BYTES] {
-        let flight = self.sim.state();
+        let flight = self.craft.state();
         let at = self.frame.to_geodetic(position_of(&flight));
         let density_kg_m3 = self
             .ambient
@@ -173,17 +171,17 @@ impl SimulatedVehicle {
             density_kg_m3,
             unix_time_s,
         };
-        packet.encode(&flight, &self.sim.aircraft().surfaces)
+        packet.encode(&flight, self.craft.surfaces())
     }
 
     /// Remaining share of the battery, 0 to 1; none without a battery.
     pub fn battery_left(&self) -> Option<f64> {
-        self.battery.map(|(_, charge)| charge.fraction())
+        self.battery.map(|charge| charge.fraction())
     }
 
     /// Position for the safety monitor.
     pub(crate) fn observed_position(&self) -> ObservedPosition {
-        let flight = self.sim.state();
+        let flight = self.craft.state();
         ObservedPosition {
             at: position_of(&flight),
             alt_amsl_m: flight.alt_amsl_m,
@@ -272,7 +270,7 @@ impl SimulatedVehicle {
 
     /// Returns to automatic flight after a silence, if the vehicle is in the air and no pilot has taken it over.
     pub(crate) fn resume(&mut self) {
-        if self.control.resumes() && self.sim.state().phase == FlightPhase::Flying {
+        if self.control.resumes() && self.craft.state().phase == FlightPhase::Flying {
             self.events.push(control::resumed_event());
             self.handle_control(ControlEvent::HandBack);
         }
@@ -282,7 +280,7 @@ impl SimulatedVehicle {
         if self.ambient.is_none() {
             self.wind_ned_m_s = total_wind(ambient);
         }
-        self.sim.set_ground_amsl_m(ambient.ground_amsl_m);
+        self.craft.set_ground_amsl_m(ambient.ground_amsl_m);
         self.ambient = Some(ambient.clone());
     }
 
@@ -292,9 +290,9 @@ impl SimulatedVehicle {
             self.handle_control(ControlEvent::RemoteLost);
         }
         // Touch-down shows as the change of phase over this tick.
-        let flew = self.sim.state().phase != FlightPhase::OnGround;
+        let flew = self.craft.state().phase != FlightPhase::OnGround;
         self.fly();
-        if flew && self.sim.state().phase == FlightPhase::OnGround {
+        if flew && self.craft.state().phase == FlightPhase::OnGround {
             self.handle_control(ControlEvent::Landed);
         }
         let mut report = VehicleReport {
@@ -335,44 +333,36 @@ impl SimulatedVehicle {
             wind_ned_m_s: self.wind_ned_m_s,
             density_kg_m3,
         };
-        let state = self.sim.state();
+        let state = self.craft.state();
         // The team's own vehicles are simulated without navigation errors; those belong to the
         // stand-in's reality.
         let sensed = Sensed::perfect(&state, density_kg_m3);
-        let command = if self.control.level() == ControlLevel::Pilot {
+        if self.control.level() == ControlLevel::Pilot {
             if state.phase == FlightPhase::OnGround {
                 return;
             }
             match self.pilots_demand() {
-                Some(demand) => self.autopilot.command(self.tick_s, &sensed, &demand),
+                Some(demand) => self.craft.fly(self.tick_s, &around, &sensed, &demand),
                 None => self
-                    .autopilot
-                    .fly_by_wire(self.tick_s, &sensed, &self.sticks),
+                    .craft
+                    .fly_by_wire(self.tick_s, &around, &sensed, &self.sticks),
             }
         } else {
             let Some(demand) = self.demand(&state) else {
                 return;
             };
-            let command = self.autopilot.command(self.tick_s, &sensed, &demand);
+            self.craft.fly(self.tick_s, &around, &sensed, &demand);
             let taking_off = matches!(demand.path, Path::TakeOff { .. });
-            self.climbed_out |= taking_off && self.autopilot.status().path_done;
-            command
-        };
-        self.sim.step(self.tick_s, &around, &command);
+            self.climbed_out |= taking_off && self.craft.status().path_done;
+        }
         self.discharge_battery(&state, density_kg_m3);
     }
 
     fn discharge_battery(&mut self, state: &FlightState, density_kg_m3: f64) {
-        let Some((battery, charge)) = &mut self.battery else {
+        let Some(charge) = &mut self.battery else {
             return;
         };
-        let propulsion = &self.sim.aircraft().propulsion;
-        let power_w = battery.power_w(
-            propulsion,
-            state.airspeed_m_s,
-            state.throttle,
-            density_kg_m3,
-        );
+        let power_w = self.craft.power_w(state, density_kg_m3);
         charge.draw(power_w, self.tick_s);
         let low = charge.fraction() < BATTERY_LOW && state.phase == FlightPhase::Flying;
         if low && !self.control.has(Danger::Battery) {
@@ -459,7 +449,7 @@ impl SimulatedVehicle {
     }
 
     fn report(&mut self, now: SimTime, report: &mut VehicleReport) {
-        let flight = self.sim.state();
+        let flight = self.craft.state();
         let at = self
             .frame
             .to_geodetic(Enu::new(flight.east_m, flight.north_m));
@@ -485,7 +475,7 @@ impl SimulatedVehicle {
             // The sensor's lag needs the time since its own last reading, not the tick.
             let dt_s = (now.s() - self.last_reading_s).max(0.0);
             self.last_reading_s = now.s();
-            let [north, east] = self.autopilot.status().wind_estimate_m_s;
+            let [north, east] = self.craft.status().wind_estimate_m_s;
             report.readings.push(Reading {
                 kind: VehicleKind::Simulated,
                 lat_deg: at.lat_deg,
@@ -505,12 +495,16 @@ impl SimulatedVehicle {
 }
 
 /// The initial flight state of an aircraft that replaces another in `state`.
-fn flown_as(state: &State, aircraft: &Aircraft, frame: &LocalFrame) -> Result<FlightSim, VaError> {
+fn flown_as(
+    state: &State,
+    aircraft: &Airframe,
+    frame: &LocalFrame,
+) -> Result<PilotedFlight, VaError> {
     let at = frame.to_enu(Geodetic::new(state.lat_deg, state.lon_deg));
     let (north_m, east_m, heading_deg) = (at.north_m, at.east_m, state.heading_deg);
     if !state.airborne {
-        let ground_amsl_m = state.alt_amsl_m - aircraft.ground.rest_height_m;
-        return Ok(FlightSim::on_ground(
+        let ground_amsl_m = state.alt_amsl_m - aircraft.rest_height_m();
+        return Ok(PilotedFlight::on_ground(
             aircraft,
             north_m,
             east_m,
@@ -518,25 +512,21 @@ fn flown_as(state: &State, aircraft: &Aircraft, frame: &LocalFrame) -> Result<Fl
             heading_deg,
         )?);
     }
-    let limits = aircraft.limits;
-    let airspeed_m_s = state
-        .airspeed_m_s
-        .clamp(limits.airspeed_min_m_s, limits.airspeed_max_m_s);
-    let mut sim = FlightSim::airborne(
+    let mut craft = PilotedFlight::airborne(
         aircraft,
         north_m,
         east_m,
         state.alt_amsl_m,
         heading_deg,
-        airspeed_m_s,
+        state.airspeed_m_s,
     )?;
     let [roll, pitch, yaw] = [state.roll_deg, state.pitch_deg, heading_deg].map(f64::to_radians);
-    sim.set_motion(
+    craft.set_motion(
         state.vel_ned_m_s,
         fdm::quaternion(roll, pitch, yaw),
         [0.0; 3],
     );
-    Ok(sim)
+    Ok(craft)
 }
 
 fn density_kg_m3(ambient: &Ambient) -> f64 {
@@ -596,7 +586,7 @@ mod tests {
     /// The first published state of a vehicle that replaces one in `state`.
     fn first(state: &State) -> State {
         let scenario = Scenario::parse("as-pontes.toml", AS_PONTES).unwrap();
-        let aircraft = Aircraft::from_toml("x8.toml", X8).unwrap();
+        let aircraft = Airframe::from_toml("x8.toml", X8).unwrap();
         let config = SimulatedConfig {
             scenario: &scenario,
             index: 2,

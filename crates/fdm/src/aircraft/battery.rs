@@ -20,7 +20,7 @@ const HOUR_S: f64 = 3600.0;
 pub struct Battery {
     /// Usable energy of the full battery, Wh.
     pub capacity_wh: f64,
-    /// Work of the propeller on the air over electrical energy, 0.05 to 1.
+    /// Work of the propeller on the air, of a multirotor work at the shafts, over electrical energy, 0.05 to 1.
     pub efficiency: f64,
     /// Power of everything but the motor, W.
     pub avionics_w: f64,
@@ -48,7 +48,12 @@ impl Battery {
         let slipstream_m_s = propulsion.slipstream_m_s(airspeed_m_s, throttle);
         let thrust_n = propulsion.thrust_n(airspeed_m_s, throttle, density_kg_m3);
         let on_air_w = (thrust_n * 0.5 * (airspeed_m_s + slipstream_m_s)).max(0.0);
-        on_air_w / self.efficiency + self.avionics_w
+        self.power_of_w(on_air_w)
+    }
+
+    /// Electrical power for a work per time at its propellers, W.
+    pub(crate) fn power_of_w(&self, work_w: f64) -> f64 {
+        work_w / self.efficiency + self.avionics_w
     }
 }
 

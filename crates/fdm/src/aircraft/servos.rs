@@ -44,7 +44,7 @@ impl Default for Servos {
 }
 
 /// Outputs that an autopilot may have.
-const OUTPUTS: usize = 32;
+pub(crate) const OUTPUTS: usize = 32;
 
 impl Servos {
     pub(super) fn check(&self) -> Result<(), FdmError> {

@@ -89,6 +89,22 @@ pub struct Demand {
     pub airspeed_m_s: f64,
 }
 
+impl Demand {
+    /// The same with values of `before` in place of those that are not finite.
+    pub(crate) fn or(&self, before: &Self) -> Self {
+        let keep = |new: f64, old: f64| if new.is_finite() { new } else { old };
+        Self {
+            path: if self.path.is_finite() {
+                self.path
+            } else {
+                before.path
+            },
+            alt_amsl_m: keep(self.alt_amsl_m, before.alt_amsl_m),
+            airspeed_m_s: keep(self.airspeed_m_s, before.airspeed_m_s),
+        }
+    }
+}
+
 /// A pilot's sticks with the autopilot's stabilisation (fly by wire).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sticks {

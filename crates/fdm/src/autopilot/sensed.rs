@@ -47,7 +47,7 @@ impl Sensed {
         }
     }
 
-    pub(super) fn is_finite(&self) -> bool {
+    pub(crate) fn is_finite(&self) -> bool {
         let scalars = [
             self.north_m,
             self.east_m,

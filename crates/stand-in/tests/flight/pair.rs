@@ -18,7 +18,7 @@ pub fn scenario() -> Scenario {
 }
 
 pub fn stand_in_config() -> StandInConfig {
-    let aircraft = fdm::Aircraft::from_toml("x8.toml", X8).unwrap();
+    let aircraft = fdm::Airframe::from_toml("x8.toml", X8).unwrap();
     StandInConfig::from_scenario(&scenario(), 5, aircraft).unwrap()
 }
 

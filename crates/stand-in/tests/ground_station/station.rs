@@ -38,7 +38,7 @@ pub fn scenario() -> Scenario {
 
 impl Station {
     pub fn new() -> Self {
-        let aircraft = fdm::Aircraft::from_toml("x8.toml", X8).unwrap();
+        let aircraft = fdm::Airframe::from_toml("x8.toml", X8).unwrap();
         let mut config = StandInConfig::from_scenario(&scenario(), 5, aircraft).unwrap();
         config.turbulence_intensity = 0.02;
         Self::with(config)

@@ -43,7 +43,7 @@ fn state(kind: VehicleKind) -> State {
 
 impl Watched {
     fn new(kind: VehicleKind) -> Self {
-        let aircraft = fdm::Aircraft::from_toml("x8.toml", X8).unwrap();
+        let aircraft = fdm::Airframe::from_toml("x8.toml", X8).unwrap();
         let mut vehicle = TeamVehicle::new(&scenario(), 2, &aircraft, 340.0).unwrap();
         assert!(
             vehicle.step(SimTime::ZERO, &[]).is_empty(),

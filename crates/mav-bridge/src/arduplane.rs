@@ -1,10 +1,11 @@
 //! ArduPlane: flight modes and the parameters that the bridge requests.
 
+use crate::arducopter::ARDUCOPTER;
 use crate::dialect::{
     EKF_STATUS_REPORT_DATA, FENCE_STATUS_DATA, MavAutopilot, PlaneMode, WIND_DATA,
 };
 use crate::profile::{
-    Commands,
+    Commands, FIXED_WINGS,
     Meaning::{Doubtful, Right},
     Modes, Parameters, Profile, Rule, Saying,
 };
@@ -68,6 +69,8 @@ pub const ARSPD_FBW_MAX: &str = "ARSPD_FBW_MAX";
 pub const ARDUPLANE: Profile = Profile {
     name: "ArduPlane",
     heartbeat: MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA,
+    types: FIXED_WINGS,
+    multirotor: Some(&ARDUCOPTER),
     modes: Modes {
         starting: INITIALISING,
         take_off: TAKEOFF,
@@ -110,6 +113,8 @@ pub const ARDUPLANE: Profile = Profile {
         // that of the yaw rate.
         attitude_mask: 0x84,
         parameters_as_bytes: false,
+        take_off_by_command: false,
+        ground_speed: false,
         active_flies: true,
     },
     parameters: Parameters {

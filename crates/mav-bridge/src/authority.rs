@@ -90,6 +90,8 @@ pub(crate) struct Authority {
     /// The mode requested before that, if not reported yet: it may still arrive.
     earlier: Option<u32>,
     confirmed: bool,
+    /// It takes off by a command in the mode for setpoints, which go through only after the climb.
+    climbing: bool,
     link_up: bool,
     /// The link was down between the last heartbeat and this one.
     link_returned: bool,
@@ -114,6 +116,7 @@ impl Authority {
             mode_requested: modes.starting,
             earlier: None,
             confirmed: false,
+            climbing: false,
             link_up: false,
             link_returned: false,
             shown: None,
@@ -226,8 +229,15 @@ impl Authority {
     }
 
     pub(crate) fn take_off(&mut self, mode: u32) {
+        self.climbing = false;
         self.task = BridgeTask::TakeOff;
         self.request_mode(mode);
+    }
+
+    /// The same by a command, in the mode in which setpoints go through: not before [`Self::take_off`] is called again.
+    pub(crate) fn climb(&mut self, mode: u32) {
+        self.take_off(mode);
+        self.climbing = true;
     }
 
     pub(crate) fn land(&mut self, mode: u32) {
@@ -282,7 +292,9 @@ impl Authority {
         // The vehicle stays as it was: what had been begun is taken back, so that the next setpoint
         // may try again.
         self.task = match self.task {
-            BridgeTask::TakeOff if self.mode_requested != self.guided => BridgeTask::Ground,
+            BridgeTask::TakeOff if self.mode_requested != self.guided || self.climbing => {
+                BridgeTask::Ground
+            }
             BridgeTask::Landing | BridgeTask::HandingBack => BridgeTask::Guided,
             other => other,
         };
@@ -466,6 +478,7 @@ impl Authority {
             (ControlLevel::Automatic, BridgeTask::Ground) => self.takeover(),
             (ControlLevel::Automatic, BridgeTask::TakeOff)
                 if mode == self.guided
+                    && !self.climbing
                     && (self.mode_requested == self.guided || self.ends_take_off(mode)) =>
             {
                 self.guided();

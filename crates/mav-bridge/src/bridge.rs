@@ -121,6 +121,16 @@ pub struct Bridge {
     warned: Warned,
 }
 
+/// The mode in which setpoints go through.
+fn guided_mode(config: &BridgeConfig) -> u32 {
+    let modes = &config.profile.modes;
+    if config.attitude_targets {
+        modes.attitudes
+    } else {
+        modes.places
+    }
+}
+
 impl Bridge {
     /// A bridge by `config` that has neither received nor sent anything yet.
     ///
@@ -128,13 +138,7 @@ impl Bridge {
     /// [`BridgeError::OutOfRange`].
     pub fn new(config: BridgeConfig) -> Result<Self, BridgeError> {
         let config = config.validated()?;
-        let modes = &config.profile.modes;
-        let guided = if config.attitude_targets {
-            modes.attitudes
-        } else {
-            modes.places
-        };
-        let mut authority = Authority::new(modes, guided);
+        let mut authority = Authority::new(&config.profile.modes, guided_mode(&config));
         if config.listen_only {
             authority.watch("listen-only mode");
         }

@@ -21,6 +21,10 @@ pub(crate) enum VehicleCommand {
         attempts: u32,
     },
     LandStart,
+    /// A multirotor's, in the mode for places.
+    TakeOff {
+        above_home_m: f32,
+    },
     Reposition {
         lat_1e7: i32,
         lon_1e7: i32,
@@ -58,6 +62,7 @@ impl VehicleCommand {
             Self::Arm => MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
             Self::Mode { .. } => MavCmd::MAV_CMD_DO_SET_MODE,
             Self::LandStart => MavCmd::MAV_CMD_DO_LAND_START,
+            Self::TakeOff { .. } => MavCmd::MAV_CMD_NAV_TAKEOFF,
             Self::Reposition { .. } => MavCmd::MAV_CMD_DO_REPOSITION,
             Self::Speed { .. } => MavCmd::MAV_CMD_DO_CHANGE_SPEED,
             Self::Interval { .. } => MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL,
@@ -95,6 +100,7 @@ impl VehicleCommand {
             Self::Arm => "arming".into(),
             Self::Mode { mode, .. } => format!("mode {}", profile.modes.name(*mode)),
             Self::LandStart => "the landing sequence".into(),
+            Self::TakeOff { .. } => "the take-off (NAV_TAKEOFF)".into(),
             Self::Reposition { .. } => "a setpoint (DO_REPOSITION)".into(),
             Self::Speed { .. } => "an airspeed (DO_CHANGE_SPEED)".into(),
             Self::Interval { message_id, .. } => format!("the rate of message {message_id}"),
@@ -130,10 +136,21 @@ impl VehicleCommand {
                 long([1.0, main, sub])
             }
             Self::LandStart => long([0.0; 3]),
-            // param1: 0 is airspeed; param3: throttle unchanged.
+            Self::TakeOff { above_home_m } => CommandMessage::Long(COMMAND_LONG_DATA {
+                param7: above_home_m,
+                command: MavCmd::MAV_CMD_NAV_TAKEOFF,
+                target_system: system,
+                target_component: component,
+                confirmation: sent.min(255) as u8,
+                ..COMMAND_LONG_DATA::default()
+            }),
+            // param1: 0 is airspeed, 1 speed over ground; param3: throttle unchanged.
             Self::Speed {
                 equivalent_airspeed_m_s,
-            } => long([0.0, equivalent_airspeed_m_s, -1.0]),
+            } => {
+                let kind = f32::from(u8::from(profile.commands.ground_speed));
+                long([kind, equivalent_airspeed_m_s, -1.0])
+            }
             Self::Interval { message_id, hz } => {
                 long([message_id as f32, (1e6 / hz).round() as f32, 0.0])
             }

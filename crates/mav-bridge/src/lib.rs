@@ -5,7 +5,7 @@
 //! [`BridgeOutput`]. It knows no socket, clock, file, environment or global random number. Behind
 //! the feature `link` (off by default), the module `link` carries bytes over UDP, TCP and serial ports.
 //! [`wire`] finds, writes and signs frames; [`profile`] says in which an autopilot differs from others, and
-//! [`arduplane`] and [`px4`] are the two that can be commanded.
+//! [`arduplane`], [`arducopter`] and [`px4`] are those that can be commanded.
 //!
 //! A bridge presents itself as a ground station before anything is heard:
 //!
@@ -41,6 +41,7 @@
 //! GUIDED (of PX4 Hold) is asked for once after the take-off, and again only upon [`Bridge::hand_back`]; a vehicle in
 //! danger that still flies in a mode of the bridge's asking is sent home (RTL, of PX4 Return).
 
+pub mod arducopter;
 pub mod arduplane;
 mod authority;
 mod bridge;

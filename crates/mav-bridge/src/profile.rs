@@ -1,7 +1,7 @@
 //! What differs between the autopilots that the bridge can command, as data: numbers and names of modes, what their
 //! commands mean, which parameters tell how they fail safe, and in which words they say why.
 
-use crate::dialect::MavAutopilot;
+use crate::dialect::{HEARTBEAT_DATA, MavAutopilot, MavType};
 use protocol::control_level::Danger;
 
 /// An autopilot that can be commanded.
@@ -9,8 +9,12 @@ use protocol::control_level::Danger;
 pub struct Profile {
     /// Its usual name.
     pub name: &'static str,
-    /// Its type in the heartbeat.
+    /// Its firmware in the heartbeat.
     pub heartbeat: MavAutopilot,
+    /// Types of vehicle in the heartbeat that it flies.
+    pub types: &'static [MavType],
+    /// The same firmware on a multirotor; none: this is it.
+    pub multirotor: Option<&'static Profile>,
     /// Its modes.
     pub modes: Modes,
     /// Meaning of its commands.
@@ -65,6 +69,10 @@ pub struct Commands {
     pub attitude_mask: u8,
     /// PARAM_VALUE and PARAM_SET carry the bytes of a whole number, not its value as a float.
     pub parameters_as_bytes: bool,
+    /// It takes off by NAV_TAKEOFF in the mode for places, once it is armed; else by a mode of its own.
+    pub take_off_by_command: bool,
+    /// Speeds are over ground; else equivalent airspeeds.
+    pub ground_speed: bool,
     /// MAV_STATE_ACTIVE means that it flies; else that it is armed.
     pub active_flies: bool,
 }
@@ -72,7 +80,7 @@ pub struct Commands {
 /// Names of parameters; of several the first that it has.
 #[derive(Debug, PartialEq)]
 pub struct Parameters {
-    /// Altitude above home to which it takes off by itself, m.
+    /// Altitude above home to which it takes off by itself, m; empty: it is commanded.
     pub take_off_altitude: &'static str,
     /// Lowest equivalent airspeed, m/s.
     pub airspeed_min: &'static [&'static str],
@@ -110,6 +118,30 @@ pub enum Meaning {
     Right(&'static str),
     /// Needs a person's attention; with the expected value.
     Doubtful(&'static str),
+}
+
+/// Types of vehicle that a wing carries.
+pub const FIXED_WINGS: &[MavType] = &[MavType::MAV_TYPE_FIXED_WING, MavType::MAV_TYPE_GENERIC];
+/// Types of vehicle that rotors carry.
+pub const MULTIROTORS: &[MavType] = &[
+    MavType::MAV_TYPE_QUADROTOR,
+    MavType::MAV_TYPE_HEXAROTOR,
+    MavType::MAV_TYPE_OCTOROTOR,
+    MavType::MAV_TYPE_TRICOPTER,
+    MavType::MAV_TYPE_COAXIAL,
+    MavType::MAV_TYPE_DODECAROTOR,
+    MavType::MAV_TYPE_DECAROTOR,
+];
+
+impl Profile {
+    /// The profile of the vehicle that sends a heartbeat: of the same firmware, on a wing or on rotors; none of another
+    /// firmware or type.
+    pub fn of_heartbeat(&'static self, heartbeat: &HEARTBEAT_DATA) -> Option<&'static Self> {
+        let fits = |profile: &&'static Self| {
+            heartbeat.autopilot == profile.heartbeat && profile.types.contains(&heartbeat.mavtype)
+        };
+        Some(self).filter(fits).or(self.multirotor.filter(fits))
+    }
 }
 
 impl Rule {

@@ -4,7 +4,7 @@
 
 use crate::dialect::{ESTIMATOR_STATUS_DATA, MavAutopilot, WIND_COV_DATA};
 use crate::profile::{
-    Commands,
+    Commands, FIXED_WINGS, MULTIROTORS,
     Meaning::{Doubtful, Right},
     Modes, Parameters, Profile, Rule, Saying,
 };
@@ -33,10 +33,34 @@ pub const LAND: u32 = mode(4, 6);
 /// Flight mode Offboard: obeys a stream of set-points.
 pub const OFFBOARD: u32 = mode(6, 0);
 
-/// PX4, fixed wing.
+/// PX4, multirotor: the same modes and failsafes, and speeds over ground.
+pub const PX4_MULTIROTOR: Profile = Profile {
+    name: "PX4 (multirotor)",
+    types: MULTIROTORS,
+    multirotor: None,
+    commands: Commands {
+        ground_speed: true,
+        ..FIXED_WING.commands
+    },
+    parameters: Parameters {
+        airspeed_min: &[],
+        airspeed_max: &[],
+        ..FIXED_WING.parameters
+    },
+    ..FIXED_WING
+};
+
+/// PX4, fixed wing; a multirotor is told by its heartbeat.
 pub const PX4: Profile = Profile {
+    multirotor: Some(&PX4_MULTIROTOR),
+    ..FIXED_WING
+};
+
+const FIXED_WING: Profile = Profile {
     name: "PX4",
     heartbeat: MavAutopilot::MAV_AUTOPILOT_PX4,
+    types: FIXED_WINGS,
+    multirotor: None,
     modes: Modes {
         starting: 0,
         take_off: TAKEOFF,
@@ -75,6 +99,8 @@ pub const PX4: Profile = Profile {
         // The rates are ignored.
         attitude_mask: 0x07,
         parameters_as_bytes: true,
+        take_off_by_command: false,
+        ground_speed: false,
         active_flies: false,
     },
     parameters: Parameters {

@@ -166,6 +166,17 @@ impl Telemetry {
         (late_s > LATE_S).then(|| SimTime::from_s(now.s() - late_s))
     }
 
+    /// Altitude of home above mean sea level, m.
+    pub(crate) fn home_amsl_m(&self) -> Option<f64> {
+        let (_, position) = self.position.as_ref()?;
+        Some(f64::from(position.alt - position.relative_alt) / 1000.0)
+    }
+
+    /// Sets whether a heartbeat's status ACTIVE means that it flies.
+    pub(crate) fn set_active_flies(&mut self, active_flies: bool) {
+        self.active_flies = active_flies;
+    }
+
     /// Altitude above home, m.
     pub(crate) fn above_home_m(&self) -> Option<f64> {
         let (_, position) = self.position.as_ref()?;

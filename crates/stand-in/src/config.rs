@@ -87,12 +87,16 @@ impl StandInConfig {
             terrain: Terrain::Flat(home_amsl_m),
             wind_series: None,
             unsteady: reality.unsteady_weather(),
-            parameters: AutopilotParameters::new(
-                speeds.min_m_s * eas_over_tas,
-                speeds.max_m_s * eas_over_tas,
-                aircraft.loiter_radius_m(),
-            ),
-            has_landing_sequence: true,
+            parameters: if aircraft.hovers() {
+                AutopilotParameters::of_multirotor()
+            } else {
+                AutopilotParameters::new(
+                    speeds.min_m_s * eas_over_tas,
+                    speeds.max_m_s * eas_over_tas,
+                    aircraft.loiter_radius_m(),
+                )
+            },
+            has_landing_sequence: !aircraft.hovers(),
             signing: None,
             aircraft,
             model,

@@ -5,7 +5,7 @@ use crate::home_position::HomePosition;
 use crate::item_list::{Item, ItemList};
 use crate::mission_run::{MissionEvent, MissionRun, Place, Surroundings};
 use crate::parameters::{
-    AIRSPEED_MAX, AIRSPEED_MIN, AutopilotParameters, MIN_GROUNDSPEED, RTL_ALTITUDE, WP_LOITER_RAD,
+    AIRSPEED_MAX, AIRSPEED_MIN, AutopilotParameters, MIN_GROUNDSPEED, WP_LOITER_RAD,
 };
 use crate::reality::Reality;
 use air::geo::Enu;
@@ -25,6 +25,11 @@ const CLIMB_DONE_M: f64 = 5.0;
 
 /// How long an attitude or a throttle that a ground station sends in GUIDED counts, s (ArduPlane, `mode_guided.cpp`).
 const HELD_S: f64 = 3.0;
+
+/// Distance from the point of return within which a multirotor goes down, m.
+const ABOVE_HOME_M: f64 = 2.0;
+/// The mode LAND, which ArduPlane does not have.
+pub(crate) const LAND: u32 = u32::MAX;
 
 /// Farthest rally point that it returns to, m.
 const RALLY_WITHIN_M: f64 = 5000.0;
@@ -83,6 +88,10 @@ pub(crate) struct FlightController {
     climbing: bool,
     /// Where RTL leads.
     return_to: Option<Place>,
+    /// Height above mean sea level to which a multirotor takes off in GUIDED, m.
+    lifting_to_m: Option<f64>,
+    /// A multirotor that returns is above home and goes down.
+    descends: bool,
     /// Bank and pitch (rad) and throttle that a ground station holds in GUIDED, with the time at which each came, s.
     held: [Option<(f64, f64)>; 3],
 }
@@ -110,7 +119,7 @@ impl FlightController {
             mission: MissionRun::new(),
             events: Vec::new(),
             slow_s: SLOW_S,
-            mode: MANUAL,
+            mode: if aircraft.hovers() { LOITER } else { MANUAL },
             armed: false,
             sticks: CENTRED,
             target: Demand {
@@ -124,6 +133,8 @@ impl FlightController {
             cruise_m_s,
             climbing: false,
             return_to: None,
+            lifting_to_m: None,
+            descends: false,
             held: [None; 3],
             craft,
         })
@@ -193,7 +204,8 @@ impl FlightController {
                 _,
                 Path::Orbit {
                     north_m, east_m, ..
-                },
+                }
+                | Path::GoTo { north_m, east_m },
             ) if !is_manual(self.mode) => Some(Place {
                 at: Enu::new(east_m, north_m),
                 alt_amsl_m: self.target.alt_amsl_m,
@@ -229,7 +241,7 @@ impl FlightController {
 
     /// Enters a mode; false if it has no such mode.
     pub(crate) fn set_mode(&mut self, mode: u32, parameters: &AutopilotParameters) -> bool {
-        let known = MODES.iter().any(|&(m, _)| m == mode);
+        let known = MODES.iter().any(|&(m, _)| m == mode) || (mode == LAND && self.craft.hovers());
         if known && mode != self.mode {
             if mode == AUTO {
                 self.mission.start_or_resume();
@@ -240,6 +252,8 @@ impl FlightController {
             self.airspeed_m_s = self.cruise_m_s;
             self.climbing = mode == TAKEOFF;
             self.held = [None; 3];
+            self.lifting_to_m = None;
+            self.descends = false;
             self.return_to = None;
             self.loiter_here(parameters);
         }
@@ -265,14 +279,35 @@ impl FlightController {
         self.target.alt_amsl_m = here.alt_amsl_m;
     }
 
-    /// Gives GUIDED its place.
+    /// Gives GUIDED its place, which a multirotor does not circle.
     pub(crate) fn set_orbit(&mut self, at: Enu, radius_m: f64, clockwise: bool) {
-        self.target.path = Path::Orbit {
-            north_m: at.north_m,
-            east_m: at.east_m,
-            radius_m,
-            clockwise,
+        self.lifting_to_m = None;
+        let (north_m, east_m) = (at.north_m, at.east_m);
+        self.target.path = if self.craft.hovers() {
+            Path::GoTo { north_m, east_m }
+        } else {
+            Path::Orbit {
+                north_m,
+                east_m,
+                radius_m,
+                clockwise,
+            }
         };
+    }
+
+    /// Whether it can stand still in the air.
+    pub(crate) fn hovers(&self) -> bool {
+        self.craft.hovers()
+    }
+
+    /// Takes off upwards, in GUIDED.
+    pub(crate) fn lift_off(&mut self, above_home_m: f64) {
+        self.lifting_to_m = Some(self.home.ground_amsl_m + above_home_m);
+    }
+
+    /// Gives GUIDED its speed over ground, m/s.
+    pub(crate) fn set_ground_speed(&mut self, m_s: f64) {
+        self.airspeed_m_s = m_s;
     }
 
     /// Gives GUIDED its altitude.
@@ -297,6 +332,14 @@ impl FlightController {
         eas_over_tas: f64,
         parameters: &AutopilotParameters,
     ) -> bool {
+        if self.craft.hovers() {
+            // Of a multirotor it is a speed over ground.
+            let sound = eas_m_s > 0.0 && eas_m_s.is_finite();
+            if sound {
+                self.airspeed_m_s = eas_m_s;
+            }
+            return sound;
+        }
         let limits = parameters.get(AIRSPEED_MIN)..=parameters.get(AIRSPEED_MAX);
         if eas_m_s == -2.0 {
             self.airspeed_m_s = self.cruise_m_s;
@@ -373,7 +416,11 @@ impl FlightController {
         let mission_path = self.fly_mission(time_s, reality, orders);
         self.fly((dt_s, time_s), &around, mission_path, reality, orders);
         let landed = self.craft.state().phase == FlightPhase::OnGround;
-        let landing = self.mode == AUTO && self.mission.is_landing(orders.mission);
+        let landing = match self.mode {
+            AUTO => self.mission.is_landing(orders.mission),
+            RTL | LAND => self.craft.hovers(),
+            _ => false,
+        };
         if landing && self.armed && landed {
             self.set_armed(false);
         }
@@ -447,7 +494,7 @@ impl FlightController {
         let distance_m = |place: &Place| place.at.distance_m(here);
         let home = Place {
             at: self.home.at,
-            alt_amsl_m: self.home.ground_amsl_m + orders.parameters.get(RTL_ALTITUDE),
+            alt_amsl_m: self.home.ground_amsl_m + orders.parameters.return_above_home_m(),
         };
         let rally = orders.rally.iter().map(|point| Place {
             at: crate::fence::local((point.x, point.y), &reality.frame),
@@ -457,6 +504,34 @@ impl FlightController {
             .filter(|place| distance_m(place) <= RALLY_WITHIN_M)
             .min_by(|a, b| distance_m(a).total_cmp(&distance_m(b)));
         *self.return_to.insert(nearest.unwrap_or(home))
+    }
+
+    /// Down at a place once it is above it; else there, not lower than it was.
+    fn down_at(&self, place: Place, is_above: bool, reality: &Reality) -> (Path, f64) {
+        let (north_m, east_m) = (place.at.north_m, place.at.east_m);
+        let alt_amsl_m = place.alt_amsl_m.max(self.target.alt_amsl_m);
+        if !is_above {
+            return (Path::GoTo { north_m, east_m }, alt_amsl_m);
+        }
+        let land = Path::Land {
+            north_m,
+            east_m,
+            ground_amsl_m: reality.ground_at_amsl_m(place.at),
+            course_deg: None,
+        };
+        (land, alt_amsl_m)
+    }
+
+    /// Where the mode was entered, or where it was sent since.
+    fn target_place(&self) -> Place {
+        let at = match self.target.path {
+            Path::GoTo { north_m, east_m } => Enu::new(east_m, north_m),
+            _ => self.here().at,
+        };
+        Place {
+            at,
+            alt_amsl_m: self.target.alt_amsl_m,
+        }
     }
 
     fn demand(
@@ -474,6 +549,19 @@ impl FlightController {
             clockwise: parameters.get(WP_LOITER_RAD) >= 0.0,
         };
         let (path, alt_amsl_m) = match self.mode {
+            GUIDED if self.lifting_to_m.is_some() => {
+                let up_m = self.lifting_to_m.unwrap_or(self.target.alt_amsl_m);
+                let upwards = Path::TakeOff {
+                    heading_deg: home.heading_deg,
+                };
+                (upwards, up_m)
+            }
+            RTL if self.craft.hovers() => {
+                let place = self.place_of_return(reality, orders);
+                self.descends |= place.at.distance_m(self.here().at) < ABOVE_HOME_M;
+                self.down_at(place, self.descends, reality)
+            }
+            LAND => self.down_at(self.target_place(), true, reality),
             TAKEOFF => {
                 let up_m = home.ground_amsl_m + parameters.get(TKOFF_ALT);
                 self.climbing &= self.sensed.alt_amsl_m < up_m - CLIMB_DONE_M;

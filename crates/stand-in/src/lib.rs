@@ -1,4 +1,5 @@
-//! A vehicle that nobody needs hardware for: it behaves like an ArduPlane over MAVLink 2, flies
+//! A vehicle that nobody needs hardware for: it behaves like an ArduPlane, or with a multirotor like an ArduCopter, over
+//! MAVLink 2, flies
 //! with Plumage's flight dynamics, and does so in a *reality* of its own (wind with gusts, plume,
 //! sensor) of which the team learns only what its frames carry.
 //!
@@ -37,6 +38,9 @@
 //! and the failsafe on loss of the ground station. `docs/mavlink.md` has the list, and what it does
 //! not do.
 //!
+//! As ArduCopter it takes off by NAV_TAKEOFF in GUIDED, flies to positions and by velocities in GUIDED, holds in LOITER,
+//! and lands by RTL and LAND; it has no AUTO.
+//!
 //! How an ArduPlane speaks (`speaker`, and `report` for what its messages tell) is apart from what flies
 //! it: in the stand-in `flight`, and `mission_run` for missions that `item_list` has carried over;
 //! in a [`TeamVehicle`], by which ground stations see any vehicle of a team, whatever the bus says.
@@ -45,6 +49,7 @@ mod config;
 mod error;
 mod estimator;
 mod fence;
+mod firmware;
 mod flight;
 mod home_position;
 mod item_list;

@@ -1,5 +1,8 @@
 //! The parameters that the stand-in shares with an ArduPlane, by the same names.
 
+use mav_bridge::arducopter::{
+    BATT_FS_LOW_ACT, FS_GCS_ENABLE, FS_GCS_TIMEOUT, FS_THR_ENABLE, RTL_ALT,
+};
 pub(crate) use mav_bridge::arduplane::{
     AIRSPEED_MAX, AIRSPEED_MIN, FENCE_ACTION, FENCE_ENABLE, MAV_GCS_SYSID, RTL_ALTITUDE,
     RTL_AUTOLAND,
@@ -50,6 +53,43 @@ impl AutopilotParameters {
                 (WP_RADIUS, 90.0),
             ],
         }
+    }
+
+    /// Those of a multirotor, in ArduCopter's units.
+    pub fn of_multirotor() -> Self {
+        Self {
+            values: vec![
+                (BATT_FS_LOW_ACT, 2.0),
+                (FENCE_ACTION, 1.0),
+                (FENCE_ENABLE, 0.0),
+                (TOTALS[1], 0.0),
+                (FS_GCS_ENABLE, 1.0),
+                (FS_GCS_TIMEOUT, 5.0),
+                (FS_THR_ENABLE, 1.0),
+                (MAV_GCS_SYSID, 255.0),
+                (MAV_SYSID, 1.0),
+                (TOTALS[0], 0.0),
+                (TOTALS[2], 0.0),
+                (RTL_ALT, 10_000.0),
+            ],
+        }
+    }
+
+    /// Altitude above home at which it returns, m.
+    pub(crate) fn return_above_home_m(&self) -> f64 {
+        let plane_m = self.find(RTL_ALTITUDE).map(|(_, m)| f64::from(m));
+        plane_m.unwrap_or_else(|| 0.01 * self.get(RTL_ALT))
+    }
+
+    /// Silence of the ground station after which its failsafe acts, s; none where that is off.
+    pub(crate) fn gcs_failsafe_s(&self) -> Option<f64> {
+        let of = |enable: &str, timeout: &str| (self.get(enable) > 0.0).then(|| self.get(timeout));
+        of(FS_GCS_ENABL, FS_LONG_TIMEOUT).or_else(|| of(FS_GCS_ENABLE, FS_GCS_TIMEOUT))
+    }
+
+    /// Whether that failsafe brings it home.
+    pub(crate) fn gcs_failsafe_returns(&self) -> bool {
+        self.get(FS_LONG_ACTN) == 1.0 || self.get(FS_GCS_ENABLE) == 1.0
     }
 
     /// Position and value of a parameter.

@@ -3,6 +3,7 @@
 
 mod inside;
 
+use crate::firmware::Firmware;
 use crate::flight::{Guidance, is_manual};
 use crate::home_position::HomePosition;
 use crate::mission_run::Place;
@@ -19,7 +20,7 @@ use mav_bridge::dialect::{
     GPS_RAW_INT_DATA, GpsFixType, HEARTBEAT_DATA, HOME_POSITION_DATA, HYGROMETER_SENSOR_DATA,
     LOCAL_POSITION_NED_DATA, MISSION_CURRENT_DATA, MavAutopilot, MavBatteryFault, MavLandedState,
     MavModeFlag, MavProtocolCapability, MavState, MavSysStatusSensor, MavSysStatusSensorExtended,
-    MavType, SCALED_PRESSURE_DATA, SYS_STATUS_DATA, VFR_HUD_DATA, WIND_DATA,
+    SCALED_PRESSURE_DATA, SYS_STATUS_DATA, VFR_HUD_DATA, WIND_DATA,
 };
 use protocol::SimTime;
 
@@ -37,8 +38,10 @@ pub(crate) struct Report {
     pub now: SimTime,
     pub system_id: u8,
     pub frame: LocalFrame,
-    /// Number of the flight mode.
+    /// The flight mode, by ArduPlane's number.
     pub mode: u32,
+    /// The firmware that reports it.
+    pub firmware: &'static Firmware,
     pub armed: bool,
     pub flying: bool,
     /// On its way down to a landing.
@@ -110,8 +113,8 @@ impl Report {
             MavState::MAV_STATE_STANDBY
         };
         HEARTBEAT_DATA {
-            custom_mode: mode,
-            mavtype: MavType::MAV_TYPE_FIXED_WING,
+            custom_mode: self.firmware.on_wire(mode),
+            mavtype: self.firmware.vehicle,
             autopilot: MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA,
             base_mode,
             system_status,

@@ -5,6 +5,7 @@
 mod files;
 mod telling;
 
+use crate::firmware::Firmware;
 use crate::parameters::AutopilotParameters;
 use crate::streams::Stream;
 use mav_bridge::dialect::{
@@ -33,8 +34,7 @@ pub(crate) struct Speaker {
     encoder: FrameEncoder,
     signing: Option<Signing>,
     streams: Vec<Stream>,
-    /// The modes that it has, with their names.
-    modes: &'static [(u32, &'static str)],
+    firmware: &'static Firmware,
     /// Messages asked for once, each with what is asked of it.
     requested: Vec<(u32, u32)>,
     out: Vec<Vec<u8>>,
@@ -45,7 +45,7 @@ impl Speaker {
         system_id: u8,
         parameters: AutopilotParameters,
         streams: Vec<Stream>,
-        modes: &'static [(u32, &'static str)],
+        firmware: &'static Firmware,
         signing: Option<Signing>,
     ) -> Self {
         Self {
@@ -55,7 +55,7 @@ impl Speaker {
             system_id,
             signing,
             streams,
-            modes,
+            firmware,
             requested: Vec::new(),
             out: Vec::new(),
         }
@@ -165,7 +165,7 @@ impl Speaker {
             }
             MavCmd::MAV_CMD_DO_SEND_BANNER => {
                 let info = MavSeverity::MAV_SEVERITY_INFO;
-                self.send_text(info, "ArduPlane V4.8.0-dev (stand-in)", now);
+                self.send_text(info, self.firmware.banner, now);
                 ACCEPTED
             }
             _ => return None,

@@ -1,6 +1,7 @@
 //! A vehicle of the team as any ground station sees it: an ArduPlane of its own, whatever flies it.
 #![allow(deprecated, reason = "ground stations still send the older forms")]
 
+use crate::firmware::Firmware;
 use crate::flight::{Guidance, is_manual};
 use crate::home_position::HomePosition;
 use crate::item_list::Item;
@@ -46,6 +47,8 @@ const PLUME_AXIS: &str = "PLUMEAXIS";
 /// Concentrations from here on are told without decimals, ppm.
 const WHOLE_PPM: f64 = 100.0;
 
+/// Each vehicle of the team is shown as an ArduPlane.
+static FIRMWARE: Firmware = Firmware::plane(&MODES);
 /// What a ground station wants of a vehicle of the team.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum TeamWish {
@@ -113,7 +116,7 @@ impl TeamVehicle {
             aircraft.loiter_radius_m(),
         );
         Some(Self {
-            speaker: Speaker::new(system_id, parameters, team_streams(), &MODES, None),
+            speaker: Speaker::new(system_id, parameters, team_streams(), &FIRMWARE, None),
             home: HomePosition {
                 at: frame.to_enu(scenario.home(index).ok()?),
                 ground_amsl_m: home_amsl_m,
@@ -260,6 +263,7 @@ impl TeamVehicle {
             system_id: self.speaker.system_id,
             frame: self.frame,
             mode: self.custom_mode(),
+            firmware: &FIRMWARE,
             armed: state.airborne || state.throttle > 0.0,
             flying: state.airborne,
             landing: false,

@@ -9,7 +9,8 @@ mod telemetry;
 use crate::config::StandInConfig;
 use crate::error::StandInError;
 use crate::fence::{Breach, Fence};
-use crate::flight::{FlightController, MODES, Orders};
+use crate::firmware::Firmware;
+use crate::flight::{FlightController, Orders};
 use crate::home_position::HomePosition;
 use crate::item_list::ItemList;
 use crate::reality::Reality;
@@ -26,6 +27,7 @@ use rand::rngs::ChaCha8Rng;
 #[derive(Debug)]
 pub struct StandIn {
     speaker: Speaker,
+    firmware: &'static Firmware,
     /// Where it was switched on, which is the origin of its filter.
     origin: HomePosition,
     /// Mission, fence and rally points on board.
@@ -53,6 +55,7 @@ impl StandIn {
     /// [`StandInError::Aircraft`].
     pub fn new(config: StandInConfig, mut rng: ChaCha8Rng) -> Result<Self, StandInError> {
         let home = HomePosition::of(&config);
+        let firmware = Firmware::of(config.aircraft.hovers());
         let flight = FlightController::new(&config.aircraft, home, &mut rng)?;
         let mission = if config.has_landing_sequence {
             missions::landing_at(config.home)
@@ -62,11 +65,12 @@ impl StandIn {
         Ok(Self {
             reality: Reality::of(&config),
             flight,
+            firmware,
             speaker: Speaker::new(
                 config.system_id,
                 config.parameters,
                 default_streams(),
-                &MODES,
+                firmware,
                 config.signing.map(Signing::new),
             ),
             origin: home,
@@ -119,7 +123,8 @@ impl StandIn {
     /// there is no such mode. Not over MAVLink: a pilot has a radio of his own.
     pub fn pilot(&mut self, custom_mode: u32, sticks: Sticks) -> bool {
         self.flight.set_sticks(sticks);
-        self.flight.set_mode(custom_mode, &self.speaker.parameters)
+        let mode = self.firmware.inside(custom_mode);
+        mode.is_some_and(|mode| self.flight.set_mode(mode, &self.speaker.parameters))
     }
 
     /// Its safety pilot arms or disarms the motor.
@@ -139,7 +144,7 @@ impl StandIn {
 
     /// The flight mode it is in, as in its heartbeat.
     pub fn custom_mode(&self) -> u32 {
-        self.flight.mode()
+        self.firmware.on_wire(self.flight.mode())
     }
 
     /// What it really does. For those who judge a mission afterwards, not for the team.

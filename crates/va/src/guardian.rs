@@ -1,5 +1,5 @@
 //! The Guardian's way home: to the take-off point around the stacks' keep-outs, and there in a
-//! circle at a height that no other vehicle of the team uses.
+//! circle, of a multirotor at rest, at a height that no other vehicle of the team uses.
 
 use crate::error::VaError;
 use air::geo::{Enu, Geodetic, wrap_signed_deg};
@@ -12,6 +12,9 @@ const CIRCLE_M: f64 = 120.0;
 const MARGIN_M: f64 = 120.0;
 /// Least height above the ground, m, where the ground rises above its layer.
 const ABOVE_GROUND_M: f64 = 100.0;
+/// The same of a multirotor, and its clearance from a keep-out, m.
+const HOVERING_ABOVE_GROUND_M: f64 = 20.0;
+const HOVERING_MARGIN_M: f64 = 10.0;
 
 /// The way home of one vehicle.
 #[derive(Debug, Clone)]
@@ -20,18 +23,26 @@ pub(crate) struct Guardian {
     layer_amsl_m: f64,
     stacks: Vec<Enu>,
     avoid_m: f64,
+    hovers: bool,
 }
 
 impl Guardian {
-    /// The way home of the vehicle at `index` of the team, with its own layer `layer_amsl_m`.
+    /// The way home of the vehicle at `index` of the team, with its own layer `layer_amsl_m`; it can stop in the air or
+    /// not.
     pub(crate) fn new(
         scenario: &Scenario,
         index: usize,
         layer_amsl_m: f64,
+        hovers: bool,
     ) -> Result<Self, VaError> {
         let frame = scenario.frame()?;
         let home = frame.to_enu(scenario.home(index)?);
-        let avoid_m = scenario.fence.keep_out_radius_m + MARGIN_M;
+        let (margin_m, circle_m) = if hovers {
+            (HOVERING_MARGIN_M, 0.0)
+        } else {
+            (MARGIN_M, CIRCLE_M)
+        };
+        let avoid_m = scenario.fence.keep_out_radius_m + margin_m;
         Ok(Self {
             home,
             layer_amsl_m,
@@ -40,9 +51,10 @@ impl Guardian {
                 .sources
                 .iter()
                 .map(|s| frame.to_enu(Geodetic::new(s.lat_deg, s.lon_deg)))
-                .filter(|s| s.distance_m(home) > avoid_m + CIRCLE_M)
+                .filter(|s| s.distance_m(home) > avoid_m + circle_m)
                 .collect(),
             avoid_m,
+            hovers,
         })
     }
 
@@ -53,7 +65,12 @@ impl Guardian {
 
     /// The height to fly at over ground of `ground_amsl_m`, m above mean sea level.
     pub(crate) fn alt_amsl_m(&self, ground_amsl_m: f64) -> f64 {
-        self.layer_amsl_m.max(ground_amsl_m + ABOVE_GROUND_M)
+        let above_m = if self.hovers {
+            HOVERING_ABOVE_GROUND_M
+        } else {
+            ABOVE_GROUND_M
+        };
+        self.layer_amsl_m.max(ground_amsl_m + above_m)
     }
 
     /// The path home from `at`: straight, or along the edge of a keep-out that is in the way.
@@ -66,6 +83,12 @@ impl Guardian {
             .filter(in_the_way)
             .min_by(|a, b| a.distance_m(at).total_cmp(&b.distance_m(at)));
         let Some(&stack) = nearest else {
+            if self.hovers {
+                return Path::GoTo {
+                    north_m: self.home.north_m,
+                    east_m: self.home.east_m,
+                };
+            }
             return Path::Orbit {
                 north_m: self.home.north_m,
                 east_m: self.home.east_m,
@@ -99,7 +122,7 @@ mod tests {
 
     fn guardian(index: usize) -> Guardian {
         let scenario = Scenario::parse("s", AS_PONTES).unwrap();
-        Guardian::new(&scenario, index, scenario.layers_amsl_m()[index]).unwrap()
+        Guardian::new(&scenario, index, scenario.layers_amsl_m()[index], false).unwrap()
     }
 
     #[test]

@@ -133,7 +133,7 @@ impl SimulatedVehicle {
             sensor: Sensor::new(&spec.sensor, &spec.mechanisms, &vehicle.id),
             rng: stream(scenario.mission.seed, &format!("va/{}/sensor", vehicle.id)),
             frame,
-            guardian: Guardian::new(scenario, index, layer_amsl_m)?,
+            guardian: Guardian::new(scenario, index, layer_amsl_m, aircraft.hovers())?,
             battery: aircraft.battery().map(|b| StateOfCharge::full(&b)),
             launch_heading_deg,
             tick_s: scenario.mission.tick_s,
@@ -393,8 +393,13 @@ impl SimulatedVehicle {
             return None;
         }
         if self.setpoint.is_none() {
-            // After a hand-back in the air it circles at its position until the next setpoint.
-            self.setpoint = Some(hold_at(&self.frame, state, self.speed_m_s));
+            // After a hand-back in the air it circles at its position until the next setpoint, or stops there.
+            let path = if self.craft.hovers() {
+                PathKind::GoTo
+            } else {
+                PathKind::Orbit
+            };
+            self.setpoint = Some(hold_at(&self.frame, state, path, self.speed_m_s));
         }
         let setpoint = self.setpoint.as_ref()?;
         let path = match setpoint.path {
@@ -541,11 +546,11 @@ fn position_of(state: &FlightState) -> Enu {
     Enu::new(state.east_m, state.north_m)
 }
 
-/// A circle around a vehicle's position.
-fn hold_at(frame: &LocalFrame, state: &FlightState, airspeed_m_s: f64) -> Setpoint {
+/// A setpoint at a vehicle's position.
+fn hold_at(frame: &LocalFrame, state: &FlightState, path: PathKind, airspeed_m_s: f64) -> Setpoint {
     let Geodetic { lat_deg, lon_deg } = frame.to_geodetic(position_of(state));
     Setpoint {
-        path: PathKind::Orbit,
+        path,
         lat_deg,
         lon_deg,
         alt_amsl_m: state.alt_amsl_m,

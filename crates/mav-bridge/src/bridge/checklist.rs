@@ -144,6 +144,11 @@ impl Checklist {
         }
     }
 
+    /// The list of a vehicle of another profile, with what is known already.
+    pub(super) fn adopt(&mut self, profile: &'static Profile) {
+        self.profile = profile;
+    }
+
     /// Whether there is a list.
     pub(super) fn is_kept(&self) -> bool {
         self.expected.is_some()
@@ -156,7 +161,9 @@ impl Checklist {
         let kept = self.is_kept();
         let rules = known.rules.iter().filter(|r| kept || r.link_failsafe);
         let mut names: Vec<&str> = rules.map(|r| r.name).collect();
-        names.push(known.take_off_altitude);
+        if !known.take_off_altitude.is_empty() {
+            names.push(known.take_off_altitude);
+        }
         if kept {
             names.extend(known.station);
             names.extend(known.home_altitude.iter().map(|(name, _)| *name));
@@ -470,6 +477,13 @@ fn untold(about: &'static str, what: &str) -> Point {
 type Named<'a> = (&'a [&'a str], Option<(&'a str, f64)>);
 
 fn airspeed(expected: &Expectation, eas_over_tas: f64, low: Named, high: Named) -> Point {
+    if low.0.is_empty() {
+        let words = format!(
+            "the mission flies at {:.1} m/s over ground; a multirotor has no least airspeed",
+            expected.airspeed_m_s
+        );
+        return point("airspeed", Verdict::Right, words);
+    }
     let ((_, Some((low_name, low))), (_, Some((high_name, high)))) = (low, high) else {
         let names = [low.0, high.0].map(|names| names.first().copied().unwrap_or_default());
         return untold("airspeed", &names.join(" and "));

@@ -4,20 +4,22 @@ use super::attitude::STEERING_HZ;
 use super::batteries::Battery;
 use super::causes::CAUSE_WITHIN_S;
 use super::checklist;
+use super::guided_mode;
 use super::identity::Found;
 use super::texts::text;
 use super::{Bridge, BridgeOutput, Checklist};
+use crate::authority::Authority;
 use crate::authority::{BridgePhase, HeartbeatState};
 use crate::command_queue::VehicleCommand;
 use crate::dialect::{
     AIRSPEED_DATA, ATTITUDE_DATA, BATTERY_STATUS_DATA, EXTENDED_SYS_STATE_DATA, EkfStatusFlags,
     GLOBAL_POSITION_INT_DATA, GPS_RAW_INT_DATA, HEARTBEAT_DATA, HOME_POSITION_DATA,
-    HYGROMETER_SENSOR_DATA, MavAutopilot, MavMessage, MavParamType, MavSeverity, MavState, MavType,
+    HYGROMETER_SENSOR_DATA, MavAutopilot, MavMessage, MavParamType, MavSeverity, MavState,
     PARAM_VALUE_DATA, POSITION_TARGET_GLOBAL_INT_DATA, SCALED_PRESSURE_DATA, SYS_STATUS_DATA,
     VFR_HUD_DATA,
 };
 use crate::event::event;
-use crate::profile::Meaning;
+use crate::profile::{Meaning, Profile};
 use crate::wire::RawFrame;
 use mavlink::MessageData;
 use protocol::SimTime;
@@ -268,16 +270,31 @@ impl Bridge {
         }
     }
 
+    /// Goes on as the bridge of the same firmware on another kind of aircraft.
+    fn adopt(&mut self, profile: &'static Profile) {
+        if self.config.profile == profile {
+            return;
+        }
+        self.config.profile = profile;
+        let guided = guided_mode(&self.config);
+        self.authority = Authority::new(&profile.modes, guided);
+        if self.config.listen_only {
+            self.authority.watch("listen-only mode");
+        }
+        self.checklist.adopt(profile);
+        self.telemetry
+            .set_active_flies(profile.commands.active_flies);
+    }
+
     fn identify(&mut self, heartbeat: &HEARTBEAT_DATA, out: &mut BridgeOutput) {
         let (system, component) = self.identity.address().unwrap_or_default();
+        let known = self.config.profile.of_heartbeat(heartbeat);
+        if let Some(profile) = known {
+            self.adopt(profile);
+        }
         let profile = self.config.profile;
         let name = profile.name;
-        let plane = heartbeat.autopilot == profile.heartbeat
-            && matches!(
-                heartbeat.mavtype,
-                MavType::MAV_TYPE_FIXED_WING | MavType::MAV_TYPE_GENERIC
-            );
-        if plane {
+        if known.is_some() {
             let own = self.config.system_id;
             let caution = match profile.caution {
                 "" => String::new(),
@@ -299,7 +316,7 @@ impl Bridge {
         };
         let asking = asking.map_or(String::new(), |asking| {
             format!(
-                "; to command a fixed wing with it, set autopilot = \"{asking}\" for the vehicle"
+                "; to command an aircraft with it, set autopilot = \"{asking}\" for the vehicle"
             )
         });
         let text = format!(

@@ -12,6 +12,8 @@ use protocol::message::{PathKind, Setpoint, Severity};
 
 /// Share of the altitude of its take-off above which that climb is done.
 const CLIMBED: f64 = 0.8;
+/// Lowest altitude above home to which a multirotor takes off, m.
+const LEAST_CLIMB_M: f64 = 5.0;
 /// Pause after a refusal or no answer, ns.
 const PAUSE_NS: i64 = 5_000_000_000;
 
@@ -34,7 +36,19 @@ impl Bridge {
             return;
         }
         self.warned.take_off_refused = false;
-        self.authority.take_off(self.config.profile.modes.take_off);
+        let profile = self.config.profile;
+        if profile.commands.take_off_by_command {
+            let height_m = self
+                .telemetry
+                .home_amsl_m()
+                .map(|m| setpoint.alt_amsl_m - m);
+            self.takeoff_altitude_m = height_m
+                .filter(|m| *m > LEAST_CLIMB_M)
+                .or(Some(LEAST_CLIMB_M));
+            self.authority.climb(profile.modes.take_off);
+        } else {
+            self.authority.take_off(profile.modes.take_off);
+        }
         self.send_mode();
         let text = "take-off requested";
         out.events.push(event(Severity::Info, "take-off", text));
@@ -100,7 +114,11 @@ impl Bridge {
         }
         // Under attitude control a place is the fallback if attitudes stop.
         // Autopilots fly equivalent airspeed, the team true airspeed.
-        let ratio = self.telemetry.eas_over_tas(target.alt_amsl_m, now);
+        let ratio = if self.config.profile.commands.ground_speed {
+            1.0
+        } else {
+            self.telemetry.eas_over_tas(target.alt_amsl_m, now)
+        };
         let speed = (target.airspeed_m_s * ratio) as f32;
         let with_place = self.config.profile.commands.speed_with_place;
         self.commands.push(VehicleCommand::Reposition {
@@ -145,6 +163,16 @@ impl Bridge {
             }
             BridgePhase::TakeOff if climbs && !seen.armed && !pausing => {
                 self.arm(now, out);
+            }
+            BridgePhase::TakeOff
+                if climbs
+                    && self.config.profile.commands.take_off_by_command
+                    && !seen.airborne
+                    && !pausing =>
+            {
+                self.retry_at = pause(now);
+                let above_home_m = self.takeoff_altitude_m.unwrap_or(LEAST_CLIMB_M) as f32;
+                self.commands.push(VehicleCommand::TakeOff { above_home_m });
             }
             BridgePhase::TakeOff
                 if (climbs || modes.after_take_off == Some(seen.custom_mode))
@@ -285,6 +313,11 @@ impl Bridge {
                 let then = self.checklist.told.cure().unwrap_or(again);
                 (Severity::Error, "arming-failed", then)
             }
+            VehicleCommand::TakeOff { .. } => (
+                Severity::Error,
+                "take-off-failed",
+                "; the bridge tries again",
+            ),
             VehicleCommand::Reposition { .. } => (
                 Severity::Warning,
                 "setpoint-failed",

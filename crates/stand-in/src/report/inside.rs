@@ -219,7 +219,7 @@ impl Report {
     }
 
     pub(crate) fn current_mode(&self) -> CURRENT_MODE_DATA {
-        let mode = self.mode;
+        let mode = self.firmware.on_wire(self.mode);
         CURRENT_MODE_DATA {
             custom_mode: mode,
             intended_custom_mode: mode,

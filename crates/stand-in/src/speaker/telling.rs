@@ -78,14 +78,14 @@ impl Speaker {
 
     /// Tells one of the modes that it has, counted from 1; with 0 all of them.
     fn tell_modes(&mut self, wanted: u32, report: &Report) {
-        for (index, &(custom_mode, name)) in (1..).zip(self.modes) {
+        for (index, &(custom_mode, name)) in (1..).zip(self.firmware.modes) {
             if wanted != 0 && wanted != index {
                 continue;
             }
             let mode = AVAILABLE_MODES_DATA {
                 custom_mode,
                 properties: MavModeProperty::empty(),
-                number_modes: self.modes.len() as u8,
+                number_modes: self.firmware.modes.len() as u8,
                 mode_index: index as u8,
                 mode_name: name.into(),
                 ..AVAILABLE_MODES_DATA::default()

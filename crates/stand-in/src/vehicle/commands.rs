@@ -5,8 +5,9 @@
 mod flying;
 
 use super::StandIn;
+use crate::flight::LAND;
 use crate::streams::default_streams;
-use mav_bridge::arduplane::{AUTO, LOITER, MANUAL, RTL};
+use mav_bridge::arduplane::{AUTO, GUIDED, LOITER, MANUAL, RTL};
 use mav_bridge::dialect::{
     COMMAND_INT_DATA, COMMAND_LONG_DATA, MISSION_CURRENT_DATA, MavCmd, MavFrame, MavResult,
     MavSeverity,
@@ -81,8 +82,10 @@ impl StandIn {
         let (p1, p2) = (m.param1, m.param2);
         match m.command {
             MavCmd::MAV_CMD_DO_SET_MODE if p1 as u8 & 1 == 0 => DENIED,
-            MavCmd::MAV_CMD_DO_SET_MODE => self.change_mode(p2 as u32),
+            MavCmd::MAV_CMD_DO_SET_MODE => self.change_mode_to(p2 as u32),
             MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH => self.change_mode(RTL),
+            MavCmd::MAV_CMD_NAV_LAND if self.flight.hovers() => self.change_mode(LAND),
+            MavCmd::MAV_CMD_NAV_TAKEOFF if self.flight.hovers() => self.lift_off(m.z.abs()),
             MavCmd::MAV_CMD_NAV_LOITER_UNLIM => self.change_mode(LOITER),
             MavCmd::MAV_CMD_MISSION_START if p1 != 0.0 || p2 != 0.0 => DENIED,
             MavCmd::MAV_CMD_MISSION_START => self.change_mode(AUTO),
@@ -120,6 +123,22 @@ impl StandIn {
             MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN => self.reboot(m.param1),
             _ => UNSUPPORTED,
         }
+    }
+
+    /// Enters the mode that has a number on the wire.
+    pub(crate) fn change_mode_to(&mut self, on_wire: u32) -> MavResult {
+        let mode = self.firmware.inside(on_wire);
+        mode.map_or(FAILED, |mode| self.change_mode(mode))
+    }
+
+    /// Takes off upwards, as a multirotor does in GUIDED once it is armed.
+    fn lift_off(&mut self, above_home_m: f32) -> MavResult {
+        let ready = self.flight.mode() == GUIDED && self.flight.armed() && !self.flight.flying();
+        if !ready || !above_home_m.is_finite() || above_home_m <= 0.0 {
+            return FAILED;
+        }
+        self.flight.lift_off(f64::from(above_home_m));
+        ACCEPTED
     }
 
     pub(crate) fn change_mode(&mut self, mode: u32) -> MavResult {
@@ -212,6 +231,6 @@ impl StandIn {
         }
         self.speaker.restart(default_streams());
         self.gcs_heartbeat_at = None;
-        self.change_mode(MANUAL)
+        self.change_mode(if self.flight.hovers() { LOITER } else { MANUAL })
     }
 }

@@ -5,8 +5,8 @@
 use super::StandIn;
 use crate::flight::is_manual;
 use crate::mission_run::Place;
-use crate::parameters::{FS_LONG_TIMEOUT, MAV_GCS_SYSID};
-use mav_bridge::arduplane::{FS_GCS_ENABL, FS_LONG_ACTN, GUIDED, RTL, mode_name};
+use crate::parameters::MAV_GCS_SYSID;
+use mav_bridge::arduplane::{GUIDED, RTL, mode_name};
 use mav_bridge::dialect::{
     AttitudeTargetTypemask, HOME_POSITION_DATA, MavFrame, MavMessage, MavSeverity,
     RC_CHANNELS_OVERRIDE_DATA, SET_ATTITUDE_TARGET_DATA, SET_HOME_POSITION_DATA,
@@ -15,8 +15,13 @@ use mav_bridge::dialect::{
 use mav_bridge::wire::{MessageData as _, RawFrame};
 use protocol::SimTime;
 
-/// Bit of SET_POSITION_TARGET's mask: ignore z.
+/// Bits of SET_POSITION_TARGET's mask: ignore z, the position, the velocity.
 const IGNORE_Z: u16 = 4;
+const IGNORE_POSITION: u16 = 7;
+const IGNORE_VELOCITY: u16 = 56;
+
+/// Silence that is told as over when the failsafe is off, s: that of its default.
+const FAILSAFE_OFF_S: f64 = 5.0;
 
 impl StandIn {
     /// Takes in what came over the link.
@@ -55,7 +60,11 @@ impl StandIn {
                 self.command_int(&m, now);
             }
             MavMessage::SET_POSITION_TARGET_GLOBAL_INT(m) if self.is_addressed(m.target_system) => {
-                self.altitude_target(&m);
+                if self.flight.hovers() {
+                    self.position_target(&m);
+                } else {
+                    self.altitude_target(&m);
+                }
             }
             MavMessage::SET_ATTITUDE_TARGET(m) if self.is_addressed(m.target_system) => {
                 self.hold_attitude(&m, now);
@@ -77,7 +86,7 @@ impl StandIn {
             }
             MavMessage::SET_MODE(m) if self.is_addressed(m.target_system) => {
                 // Obeyed without an answer, which is the heartbeat's mode.
-                self.change_mode(m.custom_mode);
+                self.change_mode_to(m.custom_mode);
             }
             MavMessage::SET_HOME_POSITION(m) if self.is_addressed(m.target_system) => {
                 self.set_home_position(&m);
@@ -125,6 +134,27 @@ impl StandIn {
         }
     }
 
+    /// ArduCopter takes a position, or a velocity where the position is ignored.
+    fn position_target(&mut self, m: &SET_POSITION_TARGET_GLOBAL_INT_DATA) {
+        if self.flight.mode() != GUIDED {
+            return;
+        }
+        let mask = m.type_mask.bits();
+        if mask & IGNORE_POSITION == 0 {
+            let wanted = self.altitude_here_m(m.coordinate_frame, m.alt);
+            if let Some(alt_amsl_m) = wanted {
+                let at = crate::fence::local((m.lat_int, m.lon_int), &self.reality.frame);
+                self.fly_around(at, 0.0, true);
+                self.flight.set_altitude(alt_amsl_m);
+            }
+        } else if mask & IGNORE_VELOCITY == 0 {
+            let (north, east) = (f64::from(m.vx), f64::from(m.vy));
+            let deg = east.atan2(north).to_degrees().rem_euclid(360.0);
+            self.flight.set_direction(deg, true);
+            self.flight.set_ground_speed(north.hypot(east));
+        }
+    }
+
     /// ArduPlane takes no more than the altitude from this message.
     fn altitude_target(&mut self, m: &SET_POSITION_TARGET_GLOBAL_INT_DATA) {
         let wanted = self.altitude_here_m(m.coordinate_frame, m.alt);
@@ -160,6 +190,14 @@ impl StandIn {
         self.flight.hold(sound, now.s());
     }
 
+    /// Its mode, for people.
+    fn mode_name(&self) -> String {
+        if self.flight.hovers() {
+            return self.firmware.mode_name(self.flight.mode()).to_owned();
+        }
+        mode_name(self.flight.mode())
+    }
+
     /// The failsafe on loss of the ground station: home, and circle there. A pilot's modes are
     /// left alone, for the pilot's own radio works.
     pub(crate) fn check_gcs_failsafe(&mut self, now: SimTime) {
@@ -169,7 +207,8 @@ impl StandIn {
         };
         let heartbeat_at = heartbeat_at.later(pause_ns).min(now);
         self.gcs_heartbeat_at = Some(heartbeat_at);
-        let silent = now.since_s(heartbeat_at) > self.speaker.parameters.get(FS_LONG_TIMEOUT);
+        let limit_s = self.speaker.parameters.gcs_failsafe_s();
+        let silent = now.since_s(heartbeat_at) > limit_s.unwrap_or(FAILSAFE_OFF_S);
         if !silent {
             if std::mem::replace(&mut self.failsafe, false) {
                 self.send_text(
@@ -180,17 +219,16 @@ impl StandIn {
             }
             return;
         }
-        let enabled = self.speaker.parameters.get(FS_GCS_ENABL) > 0.0;
-        if self.failsafe || !enabled || !self.flight.flying() {
+        if self.failsafe || limit_s.is_none() || !self.flight.flying() {
             return;
         }
         self.failsafe = true;
         let comes_home =
-            self.speaker.parameters.get(FS_LONG_ACTN) == 1.0 && !is_manual(self.flight.mode());
+            self.speaker.parameters.gcs_failsafe_returns() && !is_manual(self.flight.mode());
         if comes_home {
             self.flight.set_mode(RTL, &self.speaker.parameters);
         }
-        let text = format!("GCS Failsafe On: {}", mode_name(self.flight.mode()));
+        let text = format!("GCS Failsafe On: {}", self.mode_name());
         self.send_text(MavSeverity::MAV_SEVERITY_WARNING, &text, now);
     }
 }

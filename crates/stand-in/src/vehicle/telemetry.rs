@@ -53,6 +53,7 @@ impl StandIn {
             system_id: self.speaker.system_id,
             frame: self.reality.frame,
             mode: self.flight.mode(),
+            firmware: self.firmware,
             armed: self.flight.armed(),
             flying: self.flight.flying(),
             landing: mission.is_landing(self.lists[0].items()),

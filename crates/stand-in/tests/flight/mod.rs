@@ -1,5 +1,6 @@
 //! Bridge and stand-in in one closed loop, in virtual time.
 
+mod copter;
 mod link;
 mod pair;
 mod shared;

@@ -107,6 +107,15 @@ impl StandIn {
         if ![GUIDED, AUTO].contains(&self.flight.mode()) {
             return FAILED;
         }
+        if self.flight.hovers() {
+            // ArduCopter takes either as a speed over ground, and says nothing of it.
+            let level = kind == AIRSPEED || kind == GROUND_SPEED;
+            return if level && self.set_airspeed(speed_m_s) {
+                ACCEPTED
+            } else {
+                DENIED
+            };
+        }
         let info = MavSeverity::MAV_SEVERITY_INFO;
         if kind == AIRSPEED && self.set_airspeed(speed_m_s) {
             self.send_text(info, &format!("Set airspeed {speed_m_s:.0} m/s"), now);

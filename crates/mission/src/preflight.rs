@@ -127,6 +127,9 @@ fn sources(scenario: &Scenario, airspace: &Airspace) -> Vec<Finding> {
 
 /// Whether there is time for all to rise, work and land.
 fn time(scenario: &Scenario) -> Result<Option<Finding>, MissionError> {
+    if !scenario.search.pattern.is_empty() {
+        return Ok(None);
+    }
     let (fits, needed_s) = SquadronController::new(scenario)?.time_for_team();
     let (team, duration_s) = (scenario.vehicles.len(), scenario.mission.duration_s);
     let words = |what: &str| {
@@ -161,7 +164,9 @@ fn endurance(
     let scenario = &setup.scenario;
     let (airspeed_m_s, speeds) = (scenario.search.airspeed_m_s, aircraft.speeds());
     let (slowest_m_s, fastest_m_s) = (speeds.min_m_s, speeds.max_m_s);
-    if !(slowest_m_s..=fastest_m_s).contains(&airspeed_m_s) {
+    // A multirotor flies no faster than it can, whatever the team's airspeed.
+    let flies_slower = aircraft.hovers() && airspeed_m_s > fastest_m_s;
+    if !flies_slower && !(slowest_m_s..=fastest_m_s).contains(&airspeed_m_s) {
         return Ok(Some(refused(
             "airspeed",
             format!(
@@ -230,7 +235,8 @@ fn level_power_w(
             })
         }
         Airframe::Multirotor(aircraft) => {
-            let airspeed_m_s = speed_m_s + strongest_wind_m_s(setup)?.1;
+            let over_ground_m_s = speed_m_s.min(aircraft.limits.speed_max_m_s);
+            let airspeed_m_s = over_ground_m_s + strongest_wind_m_s(setup)?.1;
             let most_m_s = aircraft.limits.airspeed_max_m_s;
             let power_w = aircraft
                 .level_power_w(airspeed_m_s, density_kg_m3)
@@ -279,7 +285,15 @@ fn wind(setup: &Setup) -> Result<Option<Finding>, MissionError> {
     let scenario = &setup.scenario;
     let (low_m, high_m) = (scenario.fence.floor_agl_m, scenario.fence.ceiling_agl_m);
     let (low_m_s, high_m_s) = strongest_wind_m_s(setup)?;
-    let airspeed_m_s = scenario.search.airspeed_m_s;
+    // A fixed wing flies at the team's airspeed, a multirotor at any up to its highest.
+    let airspeed = |airframe: &Airframe| match airframe {
+        Airframe::FixedWing(_) => scenario.search.airspeed_m_s,
+        Airframe::Multirotor(multirotor) => multirotor.limits.airspeed_max_m_s,
+    };
+    let airspeeds = setup.aircraft.values().map(airspeed);
+    let airspeed_m_s = airspeeds
+        .reduce(f64::min)
+        .unwrap_or(scenario.search.airspeed_m_s);
     let words = |speed_m_s: f64, agl_m: f64, then: String| {
         format!(
             "up to {speed_m_s:.1} m/s at {agl_m:.0} m above ground, where the team flies at an airspeed of \

@@ -8,9 +8,10 @@ use air::wind::WindSeries;
 use fdm::Airframe;
 use mav_bridge::arduplane::{MAV_GCS_SYSID, SYSID_MYGCS};
 use plume::stability::Stability;
+use sc::SquadronController;
 use scenario::Scenario;
 use scenario::airspace::Airspace;
-use scenario::tables::{BUILT_IN_AIRCRAFT, OuterLoopKind, VehicleKind};
+use scenario::tables::{BUILT_IN_AIRCRAFT, OuterLoopKind, VehicleKind, VehicleTable};
 use scenario::weather::{ObservedTimes, WeatherReports};
 use stand_in::{StandInConfig, TeamVehicle};
 use std::cell::RefCell;
@@ -263,6 +264,21 @@ impl Setup {
             .ok_or_else(|| {
                 MissionError::Request(format!("the scenario has no vehicle number {index}"))
             })
+    }
+
+    /// The squadron controller of the mission.
+    ///
+    /// # Errors
+    /// A scenario that it refuses.
+    pub(crate) fn controller(&self) -> Result<SquadronController, MissionError> {
+        let vehicles = self.scenario.vehicles.iter();
+        let hovers =
+            |v: &VehicleTable| self.aircraft.get(&v.aircraft).is_some_and(Airframe::hovers);
+        let hovers: Vec<bool> = vehicles.map(hovers).collect();
+        let controller = SquadronController::new(&self.scenario)?;
+        Ok(controller
+            .flown_by(&self.scenario, &hovers)
+            .over(&self.terrain)?)
     }
 
     /// What the stand-in for the vehicle at `index` of the team flies as, and in.

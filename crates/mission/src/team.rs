@@ -42,7 +42,7 @@ impl Member {
     /// # Errors
     /// A scenario that it refuses.
     pub fn controller(setup: &Setup) -> Result<Self, MissionError> {
-        let controller = SquadronController::new(&setup.scenario)?.over(&setup.terrain)?;
+        let controller = setup.controller()?;
         Ok(Self::Controller(Box::new(controller)))
     }
 

@@ -10,5 +10,6 @@ mod guardian;
 mod outer_loop;
 mod plan;
 mod preflight;
+mod stack;
 mod team;
 mod terrain;

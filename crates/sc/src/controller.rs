@@ -3,6 +3,7 @@
 
 mod dispatch;
 mod homing;
+mod pattern_flight;
 mod phases;
 mod take_off;
 
@@ -35,6 +36,7 @@ use crate::plume_estimate::PlumeEstimate;
 use crate::route_graph::RouteGraph;
 use crate::separation::Separation;
 use crate::tasks::{Tasks, VehicleTask};
+use pattern_flight::PatternFlight;
 use scenario::airspace::Airspace;
 
 /// Time between two decisions, s.
@@ -75,6 +77,8 @@ pub struct SquadronController {
     rng: ChaCha8Rng,
     strategy: Option<Box<dyn SearchStrategy>>,
     archive: Archive,
+    /// Those that fly patterns in place of a search.
+    pattern: Option<PatternFlight>,
     generation: u64,
     next_decision: SimTime,
     next_population: SimTime,
@@ -139,6 +143,7 @@ impl SquadronController {
             search: scenario.search.clone(),
             flux_within: scenario.mission.flux_within,
             duration_s: scenario.mission.duration_s,
+            pattern: None,
             phase: Phase::TakeOff,
             rng: stream(scenario.mission.seed, "sc"),
             strategy: None,
@@ -150,6 +155,14 @@ impl SquadronController {
         // A strategy that cannot be is found out now, not in flight.
         controller.strategy = Some(controller.new_strategy()?);
         Ok(controller)
+    }
+
+    /// The same controller of vehicles of which some can stop, in the team's order: they fly the patterns that the scenario
+    /// names.
+    #[must_use]
+    pub fn flown_by(mut self, scenario: &Scenario, hovers: &[bool]) -> Self {
+        self.pattern = PatternFlight::of(scenario, hovers, &self.fleet.airspace);
+        self
     }
 
     /// The same controller over terrain.
@@ -442,6 +455,10 @@ impl SquadronController {
         for name in self.fleet.others_gone(now) {
             let words = format!("vehicle {name} outside the team stopped sending");
             out.event(&self.id, Severity::Info, "other-silent", words);
+        }
+        self.fly_patterns(now, out);
+        if self.pattern.as_ref().is_some_and(PatternFlight::is_all) {
+            return self.publish_plan(out);
         }
         self.recall(now);
         if let Some(next) = self.next_phase(now) {

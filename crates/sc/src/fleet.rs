@@ -590,7 +590,8 @@ impl Fleet {
         }
     }
 
-    fn order(&mut self, index: usize, order: Order, out: &mut Outbox) {
+    /// Gives a vehicle an order.
+    pub(crate) fn order(&mut self, index: usize, order: Order, out: &mut Outbox) {
         self.vehicles[index].order = Some(order);
         self.publish(index, order, out);
     }

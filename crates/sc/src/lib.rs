@@ -12,6 +12,7 @@
 //! - [`separation`]: vehicles keep apart in height or distance;
 //! - [`fleet`]: the vehicles, where they are and where they are sent;
 //! - [`plume_estimate`]: where the plume is, as far as is known;
+//! - [`patterns`]: curtains, profiles, spirals and transects of aircraft that can stop;
 //! - [`passes`]: straight passes through the plume;
 //! - [`controller`]: the agent and its phases.
 //!
@@ -40,6 +41,7 @@ pub mod controller;
 mod error;
 pub mod fleet;
 pub mod passes;
+pub mod patterns;
 pub mod plume_estimate;
 mod prior;
 pub mod route_graph;

@@ -21,6 +21,8 @@ pub(crate) enum VehicleTask {
     OnPass(Pass),
     /// Following the search.
     Searching,
+    /// Flying a pattern, from take-off to landing.
+    OnPattern,
     /// On the way to above home, or waiting there for its landing.
     Returning,
     /// Ordered to land, since; and low in the circle beside its approach, since.
@@ -63,6 +65,7 @@ impl Tasks {
                 task,
                 VehicleTask::Parked
                     | VehicleTask::TakingOff(_)
+                    | VehicleTask::OnPattern
                     | VehicleTask::Returning
                     | VehicleTask::Landing(..)
             );

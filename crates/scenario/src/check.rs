@@ -113,7 +113,7 @@ impl Scenario {
             crossover 0.0 to 1.0 "",
             cone_deg 1.0 to 180.0 "degrees",
             step_s 0.1 to 3600.0 "s",
-            airspeed_m_s 5.0 to 60.0 "m/s",
+            airspeed_m_s 1.0 to 60.0 "m/s",
         );
         Ok(())
     }

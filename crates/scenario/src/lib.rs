@@ -66,6 +66,7 @@ pub mod emission;
 mod gases;
 mod ground;
 pub mod observations;
+pub mod pattern;
 pub mod peak;
 pub mod random;
 pub mod realities;

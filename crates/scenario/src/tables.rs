@@ -859,8 +859,14 @@ pub struct SearchTable {
     pub cone_deg: f64,
     /// Time between two populations, s.
     pub step_s: f64,
-    /// Airspeed of the team, m/s.
+    /// Airspeed of the team, of multirotors their speed over ground, m/s.
     pub airspeed_m_s: f64,
+    /// What multirotors fly instead of a search, one after the other and again; none: they search.
+    #[serde(
+        deserialize_with = "crate::pattern::one_or_several",
+        skip_serializing_if = "Vec::is_empty"
+    )]
+    pub pattern: Vec<crate::pattern::Pattern>,
 }
 
 impl Default for SearchTable {
@@ -873,6 +879,7 @@ impl Default for SearchTable {
             cone_deg: 45.0,
             step_s: 10.0,
             airspeed_m_s: 18.0,
+            pattern: Vec::new(),
         }
     }
 }

@@ -36,7 +36,8 @@ impl SquadronController {
         self.reserve_ways_down();
         for index in 0..self.fleet.vehicles.len() {
             self.update_climb(index);
-            if !self.fleet.vehicles[index].is_commandable() {
+            let on_pattern = self.tasks.each[index] == VehicleTask::OnPattern;
+            if on_pattern || !self.fleet.vehicles[index].is_commandable() {
                 continue;
             }
             if self.tasks.each[index] == VehicleTask::Returning {

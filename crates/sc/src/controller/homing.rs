@@ -109,6 +109,7 @@ impl SquadronController {
             self.tasks.each[index],
             VehicleTask::Parked
                 | VehicleTask::TakingOff(_)
+                | VehicleTask::OnPattern
                 | VehicleTask::Returning
                 | VehicleTask::Landing(..)
         )

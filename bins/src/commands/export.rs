@@ -265,7 +265,7 @@ impl Source {
                 geojson::collection(flown, around.as_ref(), &plume).into_bytes()
             }
             Format::Kml => self.kml(flown)?.into_bytes(),
-            Format::Kmz => kmz::archive(&self.kml(flown)?)?,
+            Format::Kmz => kmz::archive(&[(kmz::DOCUMENT, &self.kml(flown)?)])?,
             Format::Ros2 | Format::Foxglove => Vec::new(),
         })
     }

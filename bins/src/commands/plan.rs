@@ -1,4 +1,6 @@
-//! `plumage plan`: what a mission could find, before it is flown.
+//! `plumage plan`: what a mission could find, before it is flown; and plans for aircraft that others command.
+
+mod export;
 
 use crate::flights::fly_all;
 use crate::{Failure, mission_files, preflight};
@@ -6,6 +8,7 @@ use mission::plan::{self, Forecast};
 use plume::Gas;
 use record::files;
 use record::text::significant;
+use scenario::pattern::Pattern;
 use scenario::tables::AirKind;
 use std::path::PathBuf;
 
@@ -20,10 +23,39 @@ pub enum Air {
 
 /// Arguments of `plumage plan`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example: plumage plan scenarios/as-pontes-steady.toml --out out/plan")]
+#[command(after_help = "Examples:
+  plumage plan scenarios/as-pontes-steady.toml --out out/plan
+  plumage plan scenarios/stack-survey.toml --pattern curtain --export out/curtain.plan")]
 pub struct PlanArguments {
     /// Scenario to plan (TOML); its `[reality]` is ignored
-    pub scenario: PathBuf,
+    #[arg(required_unless_present = "next_flight")]
+    pub scenario: Option<PathBuf>,
+    /// Write a flight plan for an aircraft that Plumage does not command, and fly no mission: .plan (QGroundControl),
+    /// .waypoints (ArduPilot), .kml, .csv or .kmz (DJI Pilot 2)
+    #[arg(long, value_name = "FILE", help_heading = "Export")]
+    pub export: Option<PathBuf>,
+    /// Pattern to export, or several separated by commas: curtain, profile, spiral, transects [default: search.pattern of
+    /// the scenario, else curtain]
+    #[arg(
+        long,
+        value_name = "PATTERN",
+        value_delimiter = ',',
+        requires = "export",
+        conflicts_with = "next_flight",
+        help_heading = "Export"
+    )]
+    pub pattern: Vec<Pattern>,
+    /// Export the next flight that a gap analysis proposes (gap.json); with a scenario it is checked against the fence
+    #[arg(
+        long,
+        value_name = "GAP_JSON",
+        requires = "export",
+        help_heading = "Export"
+    )]
+    pub next_flight: Option<PathBuf>,
+    /// Datum of the exported heights [default: that of the format]
+    #[arg(long, value_enum, requires = "export", help_heading = "Export")]
+    pub heights: Option<export::HeightChoice>,
     /// Number of realities to draw from `[uncertain]` and fly, 1 to 1000
     #[arg(
         long,
@@ -55,10 +87,16 @@ pub struct PlanArguments {
 /// # Errors
 /// Wrong input, or a mission that cannot be flown.
 pub fn plan(arguments: &PlanArguments) -> Result<(), Failure> {
+    if let Some(file) = &arguments.export {
+        return export::export(arguments, file);
+    }
+    let Some(scenario) = &arguments.scenario else {
+        return Err(Failure::usage("plan: expected a scenario"));
+    };
     if let Some(folder) = &arguments.out {
         files::check_folder(folder, arguments.force).map_err(Failure::input)?;
     }
-    let setup = mission_files::load(&arguments.scenario)?;
+    let setup = mission_files::load(scenario)?;
     let mut setup = mission_files::for_gas(setup, arguments.gas)?;
     if let Some(air) = arguments.air {
         setup.scenario.weather.air = match air {

@@ -61,6 +61,7 @@
 
 pub mod campaign;
 pub mod fed_vehicle;
+pub mod flight_plan;
 pub mod plan;
 pub mod preflight;
 pub mod real_vehicle;

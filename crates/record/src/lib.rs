@@ -11,6 +11,7 @@
 //! - [`summary`]: `summary.json`, and the same in words;
 //! - [`campaign`]: many missions, kept as they are flown, and what they show beside each other;
 //! - [`export`]: what was flown, in formats of other people's tools;
+//! - [`flight_plan`]: plans for aircraft that Plumage does not command;
 //! - [`gaps`]: which messages did not come;
 //! - [`files`]: output folders, and files renamed into place.
 //!
@@ -60,6 +61,7 @@ pub mod colour;
 pub mod contour;
 pub mod export;
 pub mod files;
+pub mod flight_plan;
 pub mod gaps;
 pub mod kml;
 pub mod kmz;
@@ -160,4 +162,7 @@ pub enum RecordError {
     /// KML could not be written.
     #[error("KML: {0}")]
     Kml(String),
+    /// A flight plan that its format cannot hold.
+    #[error("{0}")]
+    Plan(String),
 }

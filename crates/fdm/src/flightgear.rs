@@ -177,7 +177,7 @@ mod tests {
             density_kg_m3: 1.225,
             unix_time_s: 1_700_000_000,
         }
-        .encode(&state, &aircraft.surfaces);
+        .encode(&state, Some(&aircraft.surfaces));
         let expected: Vec<u8> = include_str!("../../../tests/oracle/flightgear.hex")
             .trim()
             .as_bytes()

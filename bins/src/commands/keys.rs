@@ -84,6 +84,9 @@ impl Role {
         match self {
             // With the conductor of a mission in lockstep.
             Self::Sc => own(&[
+                "sc/main/call",
+                "sc/main/alive",
+                "sc/main/last/**",
                 "sc/main/event",
                 "sc/main/observation",
                 "sc/main/plan",

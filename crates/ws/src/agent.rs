@@ -200,19 +200,15 @@ impl WorldSimulator {
             lon_deg: reading.lon_deg,
         };
         let place = Place::from_geodetic(&self.frame, at, reading.alt_amsl_m);
-        let reported = reading.wind_speed_m_s.zip(reading.wind_from_deg);
-        if let Some((speed, from)) = reported {
+        if let (Some(speed), Some(from)) = (reading.wind_speed_m_s, reading.wind_from_deg) {
             let wind = WindVector::from_speed_and_direction(speed, from);
             self.wind.report(time_s, place.height_agl_m, wind);
         }
-        // A wind that changes in time carries the plume with it; the turn found is on top of it. Where the world has one
-        // wind, eddies that a vehicle feels carry the plume as well.
-        let wind = if self.wind.is_constant() {
-            reported
-        } else {
+        // A wind that changes in time carries the plume with it; the turn found is on top of it.
+        let wind = (!self.wind.is_constant()).then(|| {
             let there = self.wind.at(time_s, 0.0);
-            Some((there.speed_at_m_s(place.height_agl_m), there.from_deg()))
-        };
+            (there.speed_at_m_s(place.height_agl_m), there.from_deg())
+        });
         self.calibrator
             .observe(platform, time_s, place, wind, reading.co2_ppm);
     }
@@ -279,7 +275,6 @@ impl WorldSimulator {
         Correction {
             base: self.base,
             calibrator: self.calibrator.clone(),
-            is_against_log: self.wind.is_constant(),
             airspace: self.airspace.clone(),
             wind_m_s: self.wind.reported_speed(self.wind_sd_m_s),
         }
@@ -508,8 +503,6 @@ struct Correction {
     /// The base model that it corrects.
     base: u64,
     calibrator: Calibrator,
-    /// Whether a wind that readings carry is what vehicles reported, against which the turn is found.
-    is_against_log: bool,
     airspace: Airspace,
     wind_m_s: Estimate,
 }
@@ -541,9 +534,6 @@ impl Correction {
         match concludes_at_m {
             Some(nearest_m) => self.calibrator.conclude(nearest_m)?,
             None => self.calibrator.update()?,
-        }
-        if self.is_against_log {
-            self.calibrator.blow_as_logged();
         }
         let peak = self.calibrator.peak(&self.airspace);
         Ok(Corrected {

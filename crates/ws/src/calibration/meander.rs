@@ -159,23 +159,6 @@ impl Meander {
         })
     }
 
-    /// What is expected of it where crossings are too few to show any; none where there are enough, or no plume.
-    pub fn expected(predicted: &Predicted, width_deg: f64) -> Option<Self> {
-        let crossings = predicted.axis().len();
-        let too_few = (1..LEAST_CROSSINGS).contains(&crossings) && predicted.shows_a_plume();
-        too_few.then(|| Self {
-            seen: 0.0,
-            may_be: 1.0,
-            is_followed: false,
-            width_deg,
-            freedoms: WORTH,
-            few: few(WORTH),
-            independent: crossings as f64,
-            independent_in_height: 1.0,
-            sigma_z_m: predicted.sigma_z_m(),
-        })
-    }
-
     /// The same by the crossings alone, as in flight: there the next passes are laid by it, and those that are laid
     /// wider than the plume tell less of it.
     pub fn as_seen(self) -> Self {

@@ -399,13 +399,8 @@ impl Calibrator {
             .has_logged_wind()
             .then(|| records.met_from_deg(&track, self.predicted.plume()));
         self.fitted_rows = self.row_count();
-        let width_deg = self.width_deg();
-        let seen = Meander::of(&self.predicted, width_deg);
-        self.meander = if self.concludes {
-            seen.or_else(|| Meander::expected(&self.predicted, width_deg))
-        } else {
-            seen.map(Meander::as_seen)
-        };
+        let meander = Meander::of(&self.predicted, self.width_deg());
+        self.meander = meander.map(|m| if self.concludes { m } else { m.as_seen() });
         let stated = model.stated(nearest, &posterior, self.meander.is_some())?;
         (self.covariance, self.beforehand) = (stated.covariance, stated.beforehand);
         self.posterior = Some(posterior);

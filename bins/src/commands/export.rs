@@ -81,7 +81,7 @@ pub struct ExportArguments {
     /// Output file or folder, - for standard output [default: next to the input]
     #[arg(long, value_name = "PATH")]
     pub out: Option<PathBuf>,
-    /// Export one reading in S seconds of each vehicle, 0.1 to 86400 s [default: all]
+    /// Export one reading of each vehicle every S seconds, 0.1 to 86400 s [default: all]
     #[arg(long, value_name = "S", value_parser = ranges::real(EVERY_S, " s"))]
     pub every_s: Option<f64>,
     /// Replace an earlier output

@@ -42,8 +42,8 @@ const PACKET_BYTES: usize = 512;
 /// Serve the flight model to an external ArduPilot SITL
 ///
 /// Speaks ArduPilot's JSON interface for simulators: start the SITL of ArduPlane, or of ArduCopter for a multirotor, with
-/// --model JSON:HOST, where HOST is this machine. Each packet of servo outputs is answered with the resulting motion. With a scenario the aircraft flies in
-/// its `[reality]`, with wind, gusts and gas; without one, in still air.
+/// --model JSON:HOST, where HOST is this machine. The server answers each packet of servo outputs with the resulting
+/// motion. With a scenario the aircraft flies in its `[reality]`, with wind, gusts and gas; without one, in still air.
 #[derive(Debug, Parser)]
 #[command(after_help = "Example: plumage fdm-server scenarios/as-pontes.toml --ardupilot-json")]
 pub struct FdmServerArguments {

@@ -45,7 +45,7 @@ pub struct PlanArguments {
         help_heading = "Export"
     )]
     pub pattern: Vec<Pattern>,
-    /// Export the next flight that a gap analysis proposes (gap.json); with a scenario it is checked against the fence
+    /// Export the next flight that a gap analysis proposes (gap.json); with a scenario, check it against the fence
     #[arg(
         long,
         value_name = "GAP_JSON",

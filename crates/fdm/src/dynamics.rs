@@ -41,6 +41,49 @@ pub struct Body {
     pub rate: [f64; 3],
 }
 
+/// Angular rate beyond which the model has no meaning, rad/s: it is held there.
+const HIGHEST_RATE_RAD_S: f64 = 30.0;
+
+impl Body {
+    /// Replaces motion and attitude, whose quaternion is normalised; returns whether all values are finite, as otherwise
+    /// nothing changes.
+    pub(crate) fn set_motion(
+        &mut self,
+        vel_ned_m_s: [f64; 3],
+        attitude: [f64; 4],
+        rate_rad_s: [f64; 3],
+    ) -> bool {
+        let norm = attitude.iter().map(|part| part * part).sum::<f64>().sqrt();
+        let finite = vel_ned_m_s.iter().chain(&rate_rad_s).all(|v| v.is_finite());
+        let sound = finite && norm.is_finite() && norm > 0.0;
+        if sound {
+            self.vel_ned = vel_ned_m_s;
+            self.attitude = attitude.map(|part| part / norm);
+            self.rate = rate_rad_s;
+        }
+        sound
+    }
+
+    /// Takes the state at the end of a step with the specific force there, its rate held at the highest; returns whether
+    /// it was. A state that leaves the numbers must not spread NaN through the mission: none is returned, and the body
+    /// keeps its last state without rotation.
+    pub(crate) fn step_to(&mut self, mut next: Self, force: &[f64; 3]) -> Option<bool> {
+        let motion = next.pos_ned.iter().chain(&next.vel_ned);
+        let numbers = motion.chain(&next.attitude).chain(&next.rate).chain(force);
+        if !numbers.into_iter().all(|v| v.is_finite()) {
+            self.rate = [0.0; 3];
+            return None;
+        }
+        let mut is_held = false;
+        for rate in &mut next.rate {
+            is_held |= rate.abs() > HIGHEST_RATE_RAD_S;
+            *rate = rate.clamp(-HIGHEST_RATE_RAD_S, HIGHEST_RATE_RAD_S);
+        }
+        *self = next;
+        Some(is_held)
+    }
+}
+
 /// What moves the aircraft at one instant: surface angles as they are (rad) and motor state 0…1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Controls {

@@ -4,16 +4,13 @@ mod delay;
 mod ground;
 
 use crate::aircraft::Aircraft;
-use crate::dynamics::{AirState, Body, Controls, Dynamics, euler, flow, quaternion, rotation};
+use crate::dynamics::{AirState, Body, Controls, Dynamics, flow, quaternion, rotation};
 use crate::error::FdmError;
 use crate::extended::{ExtendedAircraft, SensorErrors};
 use crate::servo::{LagStep, Servo};
 use crate::state::{AirAround, FlightFlags, FlightPhase, FlightState, SurfaceCommand, sanitised};
 use crate::trim::{self, Trim};
 use delay::DelayLine;
-
-/// Angular rate beyond which the model has no meaning, rad/s: it is held there.
-const HIGHEST_RATE_RAD_S: f64 = 30.0;
 
 /// A vehicle that flies.
 #[derive(Debug, Clone, PartialEq)]
@@ -144,12 +141,7 @@ impl FlightSim {
     /// Replaces motion and attitude (for tests, system identification and replays); the servos
     /// and the motor stay. The quaternion is normalised; values that are not finite are ignored.
     pub fn set_motion(&mut self, vel_ned_m_s: [f64; 3], attitude: [f64; 4], rate_rad_s: [f64; 3]) {
-        let norm = attitude.iter().map(|part| part * part).sum::<f64>().sqrt();
-        let finite = vel_ned_m_s.iter().chain(&rate_rad_s).all(|v| v.is_finite());
-        if finite && norm.is_finite() && norm > 0.0 {
-            self.body.vel_ned = vel_ned_m_s;
-            self.body.attitude = attitude.map(|part| part / norm);
-            self.body.rate = rate_rad_s;
+        if self.body.set_motion(vel_ned_m_s, attitude, rate_rad_s) {
             self.phase = FlightPhase::Flying;
         }
     }
@@ -221,20 +213,7 @@ impl FlightSim {
             flags.overspeed = flow.airspeed > self.aircraft().limits.airspeed_max_m_s;
         }
         flags.on_ground = self.phase != FlightPhase::Flying;
-        let [roll_rad, pitch_rad, yaw_rad] = euler(&m);
         FlightState {
-            north_m: self.body.pos_ned[0],
-            east_m: self.body.pos_ned[1],
-            alt_amsl_m: -self.body.pos_ned[2],
-            vel_ned_m_s: self.body.vel_ned,
-            roll_rad,
-            pitch_rad,
-            yaw_rad,
-            attitude: self.body.attitude,
-            rate_rad_s: self.body.rate,
-            airspeed_m_s: flow.airspeed,
-            alpha_rad: flow.alpha,
-            beta_rad: flow.beta,
             elevator_rad: controls.elevator,
             aileron_rad: controls.aileron,
             rudder_rad: controls.rudder,
@@ -242,6 +221,7 @@ impl FlightSim {
             specific_force_m_s2: self.specific_force,
             phase: self.phase,
             flags,
+            ..FlightState::of_body(&self.body, &m, &flow)
         }
     }
 
@@ -300,30 +280,11 @@ impl FlightSim {
 
     /// One step of the rigid body; a step that leaves the finite numbers is not taken.
     fn advance(&mut self, dt: f64, air: &AirState, controls: &[Controls; 3]) {
-        let (mut body, force) = self.dynamics.rk4(&self.body, controls, air, dt);
-        // A vehicle that leaves the numbers must not spread NaN through the mission: it
-        // keeps its last state and raises its flag.
-        let finite = body
-            .pos_ned
-            .iter()
-            .chain(&body.vel_ned)
-            .chain(&body.attitude)
-            .chain(&body.rate)
-            .chain(&force)
-            .all(|v| v.is_finite());
-        if !finite {
-            self.flags.outside_model = true;
-            self.body.rate = [0.0; 3];
-            return;
+        let (body, force) = self.dynamics.rk4(&self.body, controls, air, dt);
+        let held = self.body.step_to(body, &force);
+        self.flags.outside_model = held != Some(false);
+        if held.is_some() {
+            self.specific_force = force;
         }
-        self.flags.outside_model = false;
-        for rate in &mut body.rate {
-            if rate.abs() > HIGHEST_RATE_RAD_S {
-                *rate = rate.clamp(-HIGHEST_RATE_RAD_S, HIGHEST_RATE_RAD_S);
-                self.flags.outside_model = true;
-            }
-        }
-        self.body = body;
-        self.specific_force = force;
     }
 }

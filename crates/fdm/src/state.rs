@@ -1,5 +1,7 @@
 //! Inputs and outputs of a flight: the air around a vehicle, the command to its surfaces, its state.
 
+use crate::dynamics::{Body, Flow, euler};
+
 /// The air around a vehicle during one step; gusts are the caller's to add.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AirAround {
@@ -107,6 +109,32 @@ pub struct FlightState {
 }
 
 impl FlightState {
+    /// Motion and flow of a body whose rotation is `m`, on the ground with surfaces, throttle and forces at zero.
+    pub(crate) fn of_body(body: &Body, m: &[[f64; 3]; 3], flow: &Flow) -> Self {
+        let [roll_rad, pitch_rad, yaw_rad] = euler(m);
+        Self {
+            north_m: body.pos_ned[0],
+            east_m: body.pos_ned[1],
+            alt_amsl_m: -body.pos_ned[2],
+            vel_ned_m_s: body.vel_ned,
+            roll_rad,
+            pitch_rad,
+            yaw_rad,
+            attitude: body.attitude,
+            rate_rad_s: body.rate,
+            airspeed_m_s: flow.airspeed,
+            alpha_rad: flow.alpha,
+            beta_rad: flow.beta,
+            elevator_rad: 0.0,
+            aileron_rad: 0.0,
+            rudder_rad: 0.0,
+            throttle: 0.0,
+            specific_force_m_s2: [0.0; 3],
+            phase: FlightPhase::OnGround,
+            flags: FlightFlags::default(),
+        }
+    }
+
     /// What an observer sees of a flight: place (north, east, height above mean sea level, m), velocity over ground, NED,
     /// m/s, attitude (roll, pitch, yaw, rad), airspeed, m/s, throttle and whether it flies. Rates, flow and surfaces are
     /// not seen and stand at zero.

@@ -243,7 +243,7 @@ fn of_flight(arguments: &Arguments) -> anyhow::Result<(String, Vec<Line>)> {
     Ok((summary.to_markdown(), summary.lines()))
 }
 
-/// Ends the program as the reading of options does for a value that is none.
+/// Ends the program with code 2, as clap does for an invalid value.
 fn refuse_only(arguments: &Arguments, what: &str, expected: &str) -> ! {
     let only = &arguments.only;
     let words = format!("--only {only}: no {what} has this in its name; expected {expected}");

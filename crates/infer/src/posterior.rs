@@ -759,9 +759,14 @@ impl Posterior {
             rest_slope: DVector::zeros(self.layout.tried),
             ln_plume_slope: DVector::zeros(self.layout.tried),
         };
-        if !plume.is_normal() {
-            return near;
-        }
+        // Of no plume there is no logarithm.
+        let relative = |change: f64| {
+            if plume.is_normal() {
+                change / plume
+            } else {
+                0.0
+            }
+        };
         let sds = self.covariance().diagonal();
         for k in 0..self.unknowns {
             let difference = DIFFERENCE_SD * sds[k].sqrt();
@@ -771,11 +776,11 @@ impl Posterior {
                 let (other, grown) = met(&aside, turn_deg);
                 near.rest_slope[self.layout.unknowns + k] = (other - rest) / difference;
                 near.ln_plume_slope[self.layout.unknowns + k] =
-                    (grown - plume) / difference / plume;
+                    relative((grown - plume) / difference);
             }
         }
         let turned = met(at, turn_deg + DIFFERENCE_DEG).1;
-        let per_degree = (turned - plume) / DIFFERENCE_DEG / plume;
+        let per_degree = relative((turned - plume) / DIFFERENCE_DEG);
         for (k, (bump, place)) in here_bumps.iter().zip(&self.layout.weights).enumerate() {
             let each = if k < form {
                 growth.slope / growth.factor

@@ -1,17 +1,15 @@
 //! ArduCopter: flight modes, what its commands mean, and the parameters that the bridge requests. Numbers and names by
 //! its source, version 4.8 (`mode.h`, `Parameters.cpp`, `GCS_MAVLink_Copter.cpp`, `events.cpp`).
 
-use crate::arduplane::{FENCE_ACTION, FENCE_ENABLE, MAV_GCS_SYSID, SYSID_MYGCS};
-use crate::dialect::{
-    CopterMode, EKF_STATUS_REPORT_DATA, FENCE_STATUS_DATA, MavAutopilot, WIND_DATA,
+use crate::ardupilot::{
+    CAUSES, FENCE_ACTION, FENCE_ON_BOARD, MAV_GCS_SYSID, MESSAGES, SYSID_MYGCS,
 };
+use crate::dialect::{CopterMode, MavAutopilot};
 use crate::profile::{
     Commands, MULTIROTORS,
     Meaning::{Doubtful, Right},
-    Modes, Parameters, Profile, Rule, Saying,
+    Modes, Parameters, Profile, Rule,
 };
-use mavlink::MessageData;
-use protocol::control_level::Danger;
 
 /// Flight mode STABILIZE: sticks alone.
 pub const STABILIZE: u32 = CopterMode::COPTER_MODE_STABILIZE as u32;
@@ -168,19 +166,7 @@ pub const ARDUCOPTER: Profile = Profile {
                 set_to: None,
                 link_failsafe: false,
             },
-            Rule {
-                about: "fence on board",
-                name: FENCE_ENABLE,
-                meanings: &[(
-                    0,
-                    Doubtful(
-                        "only the bridge enforces the mission's fence, and only while the link works",
-                    ),
-                )],
-                otherwise: Right("the fence on board must equal the mission's fence"),
-                set_to: None,
-                link_failsafe: false,
-            },
+            FENCE_ON_BOARD,
             Rule {
                 about: "fence action",
                 name: FENCE_ACTION,
@@ -200,32 +186,7 @@ pub const ARDUCOPTER: Profile = Profile {
             },
         ],
     },
-    causes: &[
-        Saying {
-            all: &["fence"],
-            any: &["breach", "trigger"],
-            danger: Danger::Fence,
-        },
-        Saying {
-            all: &["gcs failsafe"],
-            any: &[],
-            danger: Danger::Bridge,
-        },
-        Saying {
-            all: &["failsafe"],
-            any: &["rc ", "throttle", "radio"],
-            danger: Danger::Remote,
-        },
-        Saying {
-            all: &["battery"],
-            any: &["is low", "is critical", "failsafe"],
-            danger: Danger::Battery,
-        },
-    ],
-    messages: &[
-        (WIND_DATA::ID, 2.0),
-        (EKF_STATUS_REPORT_DATA::ID, 1.0),
-        (FENCE_STATUS_DATA::ID, 1.0),
-    ],
+    causes: CAUSES,
+    messages: MESSAGES,
     caution: "",
 };

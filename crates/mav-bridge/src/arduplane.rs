@@ -1,16 +1,15 @@
 //! ArduPlane: flight modes and the parameters that the bridge requests.
 
 use crate::arducopter::ARDUCOPTER;
-use crate::dialect::{
-    EKF_STATUS_REPORT_DATA, FENCE_STATUS_DATA, MavAutopilot, PlaneMode, WIND_DATA,
+use crate::ardupilot::{
+    CAUSES, FENCE_ACTION, FENCE_ON_BOARD, MAV_GCS_SYSID, MESSAGES, SYSID_MYGCS,
 };
+use crate::dialect::{MavAutopilot, PlaneMode};
 use crate::profile::{
     Commands, FIXED_WINGS,
     Meaning::{Doubtful, Right},
-    Modes, Parameters, Profile, Rule, Saying,
+    Modes, Parameters, Profile, Rule,
 };
-use mavlink::MessageData;
-use protocol::control_level::Danger;
 
 /// Flight mode MANUAL.
 pub const MANUAL: u32 = PlaneMode::PLANE_MODE_MANUAL as u32;
@@ -40,15 +39,6 @@ pub const FS_LONG_ACTN: &str = "FS_LONG_ACTN";
 /// Parameter: altitude above home to which mode TAKEOFF climbs, m.
 pub const TKOFF_ALT: &str = "TKOFF_ALT";
 
-/// Parameter: system id of the ground station whose heartbeat counts, since ArduPlane 4.7.
-pub const MAV_GCS_SYSID: &str = "MAV_GCS_SYSID";
-/// Parameter: the same before that.
-pub const SYSID_MYGCS: &str = "SYSID_MYGCS";
-
-/// Parameter: whether the fence on board is kept (0 off).
-pub const FENCE_ENABLE: &str = "FENCE_ENABLE";
-/// Parameter: action outside the fence: 0 report, 1 fly home.
-pub const FENCE_ACTION: &str = "FENCE_ACTION";
 /// Parameter: altitude above home at which RTL flies, m; below 0 the one where it is.
 pub const RTL_ALTITUDE: &str = "RTL_ALTITUDE";
 /// Parameter: the same before ArduPlane 4.5, cm.
@@ -165,19 +155,7 @@ pub const ARDUPLANE: Profile = Profile {
                 set_to: Some(1.0),
                 link_failsafe: true,
             },
-            Rule {
-                about: "fence on board",
-                name: FENCE_ENABLE,
-                meanings: &[(
-                    0,
-                    Doubtful(
-                        "only the bridge enforces the mission's fence, and only while the link works",
-                    ),
-                )],
-                otherwise: Right("the fence on board must equal the mission's fence"),
-                set_to: None,
-                link_failsafe: false,
-            },
+            FENCE_ON_BOARD,
             Rule {
                 about: "outside its fence",
                 name: FENCE_ACTION,
@@ -205,33 +183,8 @@ pub const ARDUPLANE: Profile = Profile {
             },
         ],
     },
-    causes: &[
-        Saying {
-            all: &["fence"],
-            any: &["breach", "trigger"],
-            danger: Danger::Fence,
-        },
-        Saying {
-            all: &["gcs failsafe"],
-            any: &[],
-            danger: Danger::Bridge,
-        },
-        Saying {
-            all: &["failsafe"],
-            any: &["rc ", "throttle", "radio"],
-            danger: Danger::Remote,
-        },
-        Saying {
-            all: &["battery"],
-            any: &["is low", "is critical", "failsafe"],
-            danger: Danger::Battery,
-        },
-    ],
-    messages: &[
-        (WIND_DATA::ID, 2.0),
-        (EKF_STATUS_REPORT_DATA::ID, 1.0),
-        (FENCE_STATUS_DATA::ID, 1.0),
-    ],
+    causes: CAUSES,
+    messages: MESSAGES,
     caution: "",
 };
 

@@ -42,6 +42,7 @@
 //! danger that still flies in a mode of the bridge's asking is sent home (RTL, of PX4 Return).
 
 pub mod arducopter;
+pub mod ardupilot;
 pub mod arduplane;
 mod authority;
 mod bridge;

@@ -86,7 +86,8 @@ fn points(places: &[(f64, f64, f64)]) -> Vec<PlanPoint> {
     places.iter().map(point).collect()
 }
 
-/// What of a plan is outside the scenario's fence or height band, or inside a keep-out: one sentence each.
+/// What of a plan, from its home and back, is outside the scenario's fence or height band, or inside a keep-out: one
+/// sentence each.
 ///
 /// # Errors
 /// A scenario that describes no airspace.
@@ -94,7 +95,8 @@ pub fn check(setup: &Setup, plan: &FlightPlan) -> Result<Vec<String>, MissionErr
     let airspace = Airspace::of(&setup.scenario)?.over(&setup.terrain);
     let frame = setup.frame()?;
     let mut found = Vec::new();
-    let mut before = None;
+    let home = frame.to_enu(Geodetic::new(plan.home.0, plan.home.1));
+    let mut before = home;
     for (k, point) in plan.points.iter().enumerate() {
         let at = frame.to_enu(Geodetic::new(point.lat_deg, point.lon_deg));
         let number = k + 1;
@@ -105,7 +107,7 @@ pub fn check(setup: &Setup, plan: &FlightPlan) -> Result<Vec<String>, MissionErr
                 "place {number} is {:.0} m outside the fence or inside a keep-out",
                 -clearance_m
             ));
-        } else if before.is_some_and(|from| !airspace.leg_is_clear(from, at, 0.0)) {
+        } else if !airspace.leg_is_clear(before, at, 0.0) {
             found.push(format!(
                 "the way to place {number} leaves the fence or enters a keep-out"
             ));
@@ -117,7 +119,10 @@ pub fn check(setup: &Setup, plan: &FlightPlan) -> Result<Vec<String>, MissionErr
                 point.alt_amsl_m
             ));
         }
-        before = Some(at);
+        before = at;
+    }
+    if found.is_empty() && !airspace.leg_is_clear(before, home, 0.0) {
+        found.push("the way home leaves the fence or enters a keep-out".to_owned());
     }
     Ok(found)
 }

@@ -359,11 +359,12 @@ fn homes(setup: &Setup, airspace: &Airspace) -> Result<Vec<Finding>, MissionErro
                 ),
             ));
         }
-        // Of a large team most are far: nothing is looked up or written for those.
-        let near = |(_, there): &&(_, Enu)| there.distance_m(home) < HOMES_APART_M;
+        let aircraft = setup.aircraft_of(index)?;
+        // Of a large team most are far: nothing is written for those.
+        let near_m = HOMES_APART_M.max(aircraft.width_m());
+        let near = |(_, there): &&(_, Enu)| there.distance_m(home) < near_m;
         for (other, there) in before.iter().filter(near) {
             let apart_m = there.distance_m(home);
-            let aircraft = setup.aircraft_of(index)?;
             let expected_m = if aircraft.hovers() {
                 HOVERING_HOMES_APART_M
             } else {

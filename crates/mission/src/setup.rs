@@ -6,7 +6,7 @@ use air::isa::Atmosphere;
 use air::terrain::Terrain;
 use air::wind::WindSeries;
 use fdm::Airframe;
-use mav_bridge::arduplane::{MAV_GCS_SYSID, SYSID_MYGCS};
+use mav_bridge::ardupilot::{MAV_GCS_SYSID, SYSID_MYGCS};
 use plume::stability::Stability;
 use sc::SquadronController;
 use scenario::Scenario;

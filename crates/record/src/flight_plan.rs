@@ -12,6 +12,7 @@ mod qgroundcontrol;
 mod waypoints;
 mod wpml;
 
+use crate::kml::xml::Xml;
 use crate::{RecordError, kmz};
 use std::fmt::Write as _;
 
@@ -133,7 +134,7 @@ impl FlightPlan {
         Ok(match format {
             Format::Plan => qgroundcontrol::encode(self, heights).into_bytes(),
             Format::Waypoints => waypoints::encode(self, heights).into_bytes(),
-            Format::Kml => self.kml().into_bytes(),
+            Format::Kml => self.kml()?.into_bytes(),
             Format::Csv => self.csv().into_bytes(),
             Format::Wpml if heights == Heights::Amsl => {
                 return Err(RecordError::Plan(
@@ -173,7 +174,7 @@ impl FlightPlan {
         out
     }
 
-    fn kml(&self) -> String {
+    fn kml(&self) -> Result<String, RecordError> {
         let line = |(lat, lon, alt): (f64, f64, f64)| format!("{lon:.7},{lat:.7},{alt:.1}");
         let places = self
             .points
@@ -184,36 +185,35 @@ impl FlightPlan {
             .chain([self.home])
             .map(line)
             .collect();
-        let mut fence = String::new();
-        if let Some(first) = self.fence.first() {
-            let ring = self.fence.iter().chain([first]);
-            let ring: Vec<String> = ring
-                .map(|(lat, lon)| format!("{lon:.7},{lat:.7},0"))
-                .collect();
-            let _ = writeln!(
-                fence,
-                "<Placemark><name>fence</name><Polygon><outerBoundaryIs><LinearRing><coordinates>{}</coordinates>\
-                 </LinearRing></outerBoundaryIs></Polygon></Placemark>",
-                ring.join(" ")
-            );
-        }
-        format!(
-            "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<kml xmlns=\"http://www.opengis.net/kml/2.2\"><Document>\n\
-             <name>{}</name>\n{fence}<Placemark><name>flight at {:.1} m/s</name><LineString>\
-             <altitudeMode>absolute</altitudeMode><coordinates>{}</coordinates></LineString></Placemark>\n\
-             </Document></kml>\n",
-            escaped(&self.name),
-            self.speed_m_s,
-            way.join(" ")
-        )
+        let ring = self.fence.iter().chain(self.fence.first());
+        let ring: Vec<String> = ring
+            .map(|(lat, lon)| format!("{lon:.7},{lat:.7},0"))
+            .collect();
+        let mut xml = Xml::new();
+        let written = xml.document(|xml| {
+            xml.text("name", &self.name)?;
+            if !ring.is_empty() {
+                xml.placemark("fence", |xml| {
+                    xml.within("Polygon", &[], |xml| {
+                        xml.within("outerBoundaryIs", &[], |xml| {
+                            xml.within("LinearRing", &[], |xml| {
+                                xml.text("coordinates", &ring.join(" "))
+                            })
+                        })
+                    })
+                })?;
+            }
+            xml.placemark(&format!("flight at {:.1} m/s", self.speed_m_s), |xml| {
+                xml.within("LineString", &[], |xml| {
+                    xml.text("altitudeMode", "absolute")?;
+                    xml.text("coordinates", &way.join(" "))
+                })
+            })
+        });
+        let failed = |e: String| RecordError::Kml(e);
+        written.map_err(|e| failed(e.to_string()))?;
+        xml.finish().map_err(|e| failed(e.to_string()))
     }
-}
-
-/// Text for XML.
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
 }
 
 /// Distance between two places with heights, m, on a sphere of the Earth's mean radius.
@@ -259,7 +259,7 @@ pub(crate) mod tests {
 
     #[test]
     fn a_map_has_absolute_heights_and_the_fence() {
-        let kml = plan().kml();
+        let kml = plan().kml().unwrap();
         assert!(kml.contains("<name>stack &lt;1&gt;</name>"));
         assert!(kml.contains("<altitudeMode>absolute</altitudeMode>"));
         assert!(kml.contains("-7.8610000,43.4395000,340.0 -7.8600000,43.4400000,370.0"));

@@ -6,7 +6,7 @@
 //! OGC 07-147r2, *KML 2.2*, whose schema fixes the order of elements; tracks and their readings are Google's
 //! extension of it (`gx`).
 
-mod xml;
+pub(crate) mod xml;
 
 use crate::RecordError;
 use crate::antimeridian::{Corner, OnLine, areas, pieces};

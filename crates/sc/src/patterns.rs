@@ -74,10 +74,6 @@ pub fn whole_flight(
     let routes = RouteGraph::of(&airspace, PATTERN_MARGIN_M);
     let mut here = home;
     let mut flight = Vec::new();
-    let stop = |position| Waypoint {
-        position,
-        stops: true,
-    };
     for &pattern in patterns {
         let places = site.waypoints(pattern, 0, 0.0);
         let (Some(first), Some(last)) = (places.first(), places.last()) else {
@@ -85,13 +81,19 @@ pub fn whole_flight(
         };
         let mut way = way_to(&airspace, &routes, here, first.position);
         way.pop();
-        flight.extend(way.into_iter().map(|position| (stop(position), TRANSIT)));
+        flight.extend(
+            way.into_iter()
+                .map(|position| (Waypoint::stop(position), TRANSIT)),
+        );
         here = last.position;
         flight.extend(places.into_iter().map(|place| (place, pattern.name())));
     }
     if !flight.is_empty() {
         let way = way_to(&airspace, &routes, here, home);
-        flight.extend(way.into_iter().map(|position| (stop(position), TRANSIT)));
+        flight.extend(
+            way.into_iter()
+                .map(|position| (Waypoint::stop(position), TRANSIT)),
+        );
     }
     Ok(flight)
 }
@@ -106,6 +108,16 @@ pub struct Waypoint {
     pub position: Position,
     /// Whether the vehicle stops there before it goes on.
     pub stops: bool,
+}
+
+impl Waypoint {
+    /// A place at which the vehicle stops.
+    pub fn stop(position: Position) -> Self {
+        Self {
+            position,
+            stops: true,
+        }
+    }
 }
 
 /// What a pattern is laid out for.
@@ -210,13 +222,10 @@ impl<'a> PatternSite<'a> {
     }
 
     fn stop_at(&self, at: Enu, height_amsl_m: f64) -> Waypoint {
-        Waypoint {
-            position: Position {
-                at,
-                height_m: self.airspace.clamp_at_m(at, height_amsl_m),
-            },
-            stops: true,
-        }
+        Waypoint::stop(Position {
+            at,
+            height_m: self.airspace.clamp_at_m(at, height_amsl_m),
+        })
     }
 
     fn profile(&self, distance_m: f64) -> Vec<Waypoint> {

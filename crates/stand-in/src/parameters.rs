@@ -3,10 +3,8 @@
 use mav_bridge::arducopter::{
     BATT_FS_LOW_ACT, FS_GCS_ENABLE, FS_GCS_TIMEOUT, FS_THR_ENABLE, RTL_ALT,
 };
-pub(crate) use mav_bridge::arduplane::{
-    AIRSPEED_MAX, AIRSPEED_MIN, FENCE_ACTION, FENCE_ENABLE, MAV_GCS_SYSID, RTL_ALTITUDE,
-    RTL_AUTOLAND,
-};
+pub(crate) use mav_bridge::ardupilot::{FENCE_ACTION, FENCE_ENABLE, MAV_GCS_SYSID};
+pub(crate) use mav_bridge::arduplane::{AIRSPEED_MAX, AIRSPEED_MIN, RTL_ALTITUDE, RTL_AUTOLAND};
 use mav_bridge::arduplane::{FS_GCS_ENABL, FS_LONG_ACTN, TKOFF_ALT};
 use mav_bridge::dialect::MavParamType;
 

@@ -149,7 +149,7 @@ impl TeamVehicle {
         self.reading = Some(reading.clone());
     }
 
-    /// The bus says what the team knows of the plume.
+    /// Takes over the plume's model, as `ws` publishes it.
     pub fn model(&mut self, model: &Model) {
         self.axis_deg = Some(model.axis_deg.value);
         self.peak = model.peak;

@@ -87,7 +87,7 @@ async fn connection(
     if limits.closed_within.is_some() {
         http.keep_alive(false).max_buf_size(SHORT_REQUEST_BYTES);
     }
-    // Whoever asks on and on without reading, or opens a page and reads none of it, would keep its place for ever.
+    // Without a time limit a client that requests and does not read would keep its connection.
     let mut stream = TimeoutStream::new(stream);
     stream.set_write_timeout(Some(limits.reads_within));
     let stream = TokioIo::new(Box::pin(stream));

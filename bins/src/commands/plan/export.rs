@@ -14,15 +14,16 @@ use std::time::{SystemTime, UNIX_EPOCH};
 /// Datum of heights on the command line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum HeightChoice {
-    /// Above the place of take-off
+    /// Above the take-off point
     Takeoff,
     /// Above mean sea level
     Amsl,
 }
 
-/// Speed where no scenario states one, m/s.
+/// Speed where no scenario states one, m/s: slow enough for sensors with a time constant of some seconds, and within the
+/// range of every aircraft that stops.
 const SPEED_M_S: f64 = 5.0;
-/// Height above take-off of the lowest place where no scenario states the ground, m.
+/// Height above take-off of the lowest place where no scenario states the ground, m: above trees and most buildings.
 const LOWEST_ABOVE_GROUND_M: f64 = 30.0;
 
 /// Writes the plan.

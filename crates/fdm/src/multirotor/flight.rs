@@ -10,8 +10,6 @@ use crate::state::{AirAround, FlightFlags, FlightPhase, FlightState};
 
 /// Longest step, s: the inner loops of usual autopilots run at 400 Hz, and a step is short beside the motors' lag.
 const LONGEST_STEP_S: f64 = 0.0025;
-/// Angular rate beyond which the model has no meaning, rad/s: it is held there.
-const HIGHEST_RATE_RAD_S: f64 = 30.0;
 /// How far the weight must be exceeded to leave the ground, as a share of it.
 const LIFT_OFF: f64 = 1.0;
 
@@ -111,12 +109,7 @@ impl MultirotorSim {
 
     /// Replaces velocity, attitude and rate; the rotors stay. Values that are not finite are ignored.
     pub fn set_motion(&mut self, vel_ned_m_s: [f64; 3], attitude: [f64; 4], rate_rad_s: [f64; 3]) {
-        let norm = attitude.iter().map(|part| part * part).sum::<f64>().sqrt();
-        let finite = vel_ned_m_s.iter().chain(&rate_rad_s).all(|v| v.is_finite());
-        if finite && norm.is_finite() && norm > 0.0 {
-            self.body.vel_ned = vel_ned_m_s;
-            self.body.attitude = attitude.map(|part| part / norm);
-            self.body.rate = rate_rad_s;
+        if self.body.set_motion(vel_ned_m_s, attitude, rate_rad_s) {
             self.phase = FlightPhase::Flying;
         }
     }
@@ -181,24 +174,12 @@ impl MultirotorSim {
         let (body, force) = rk4(&self.body, dt, |stage, body| {
             self.derivative(body, &stages[stage])
         });
-        let numbers = body.pos_ned.iter().chain(&body.vel_ned);
-        let numbers = numbers
-            .chain(&body.attitude)
-            .chain(&body.rate)
-            .chain(&force);
-        // A vehicle that leaves the numbers keeps its last state and raises its flag.
-        let finite = numbers.into_iter().all(|v| v.is_finite());
-        self.flags.outside_model = !finite;
-        if !finite {
-            self.body.rate = [0.0; 3];
+        let held = self.body.step_to(body, &force);
+        self.flags.outside_model = held != Some(false);
+        if held.is_none() {
             return;
         }
         self.speeds = end;
-        self.body = body;
-        for rate in &mut self.body.rate {
-            self.flags.outside_model |= rate.abs() > HIGHEST_RATE_RAD_S;
-            *rate = rate.clamp(-HIGHEST_RATE_RAD_S, HIGHEST_RATE_RAD_S);
-        }
         self.specific_force = force;
         self.touch_down();
     }
@@ -303,32 +284,17 @@ impl MultirotorSim {
     pub fn state(&self) -> FlightState {
         let m = rotation(&self.body.attitude);
         let flow = flow(&m, &self.body.vel_ned, &self.air.wind_ned);
-        let [roll_rad, pitch_rad, yaw_rad] = euler(&m);
         let max = self.aircraft.rotors.max_rad_s;
         let square = |speed: f64| (speed / max) * (speed / max);
         let mut flags = self.flags;
         flags.on_ground = self.phase != FlightPhase::Flying;
         flags.overspeed = flow.airspeed > self.aircraft.limits.airspeed_max_m_s;
         FlightState {
-            north_m: self.body.pos_ned[0],
-            east_m: self.body.pos_ned[1],
-            alt_amsl_m: -self.body.pos_ned[2],
-            vel_ned_m_s: self.body.vel_ned,
-            roll_rad,
-            pitch_rad,
-            yaw_rad,
-            attitude: self.body.attitude,
-            rate_rad_s: self.body.rate,
-            airspeed_m_s: flow.airspeed,
-            alpha_rad: flow.alpha,
-            beta_rad: flow.beta,
-            elevator_rad: 0.0,
-            aileron_rad: 0.0,
-            rudder_rad: 0.0,
             throttle: self.speeds.iter().map(|&s| square(s)).sum::<f64>() / ROTORS as f64,
             specific_force_m_s2: self.specific_force,
             phase: self.phase,
             flags,
+            ..FlightState::of_body(&self.body, &m, &flow)
         }
     }
 }

@@ -73,10 +73,13 @@ impl CommandedSpeed {
 }
 
 impl Bridge {
-    /// Sends the airspeed again to a vehicle that flies another one.
+    /// Sends the airspeed again to a vehicle that flies another one. A multirotor is commanded a speed over ground, and stops.
     pub(super) fn check_airspeed(&mut self, now: SimTime, out: &mut BridgeOutput) {
         if self.authority.phase() != BridgePhase::Guided {
             return self.speed.forget();
+        }
+        if self.config.profile.commands.ground_speed {
+            return;
         }
         let Some((at, hud)) = &self.telemetry.hud else {
             return;

@@ -267,12 +267,8 @@ impl SquadronController {
         purpose: &'static str,
     ) -> VecDeque<(Waypoint, &'static str)> {
         let way = way_to(&self.fleet.airspace, &flight.routes, here, to);
-        let stop = |position| Waypoint {
-            position,
-            stops: true,
-        };
         way.into_iter()
-            .map(|position| (stop(position), purpose))
+            .map(|position| (Waypoint::stop(position), purpose))
             .collect()
     }
 

@@ -233,6 +233,14 @@ fn agree(crossings: &[Crossing], predicted_sd: f64) -> Option<bool> {
     (!crossings.is_empty()).then_some((mean - 1.0).abs() <= within)
 }
 
+fn place_of(position: Position, airspace: &Airspace) -> Place {
+    Place {
+        east_m: position.at.east_m,
+        north_m: position.at.north_m,
+        height_agl_m: position.height_m - airspace.frame().ground_amsl_m,
+    }
+}
+
 impl Calibrator {
     /// The highest concentration where set-points may go, in the mean of the last minutes in which the plume was met;
     /// none before a fit, or
@@ -269,24 +277,30 @@ impl Calibrator {
             self.most_probable_ppm(place, &moments)
         };
         let found = climb(&ppm, found.position, airspace, SETPOINT_MARGIN_M, FINEST_M);
-        let Position { at, height_m } = found.position;
-        let place = Place {
-            east_m: at.east_m,
-            north_m: at.north_m,
-            height_agl_m: height_m - airspace.frame().ground_amsl_m,
-        };
+        let place = place_of(found.position, airspace);
         let there = self.mean_ppm(&place)?;
         let excess_ppm = there.value - model.background_ppm(&place, time_s);
-        let geodetic = airspace.frame().to_geodetic(at);
-        Some(Peak {
-            lat_deg: geodetic.lat_deg,
-            lon_deg: geodetic.lon_deg,
-            alt_amsl_m: height_m,
+        Some(self.stated(airspace, found.position, &there, excess_ppm))
+    }
+
+    /// A peak of which `excess_ppm` is the plume's.
+    fn stated(
+        &self,
+        airspace: &Airspace,
+        position: Position,
+        there: &Estimate,
+        excess_ppm: f64,
+    ) -> Peak {
+        let at = airspace.frame().to_geodetic(position.at);
+        Peak {
+            lat_deg: at.lat_deg,
+            lon_deg: at.lon_deg,
+            alt_amsl_m: position.height_m,
             co2_ppm: there.value,
             sd_ppm: there.sd,
-            time_s,
-            status: self.status(&there, excess_ppm),
-        })
+            time_s: self.stated_s(),
+            status: self.status(there, excess_ppm),
+        }
     }
 
     fn peak_in_the_mean(&self, airspace: &Airspace) -> Option<Peak> {
@@ -295,11 +309,7 @@ impl Calibrator {
         let highest = |at: &DVector<f64>| -> Option<(Position, f64, f64)> {
             let model = DispersionModel::new(self.unknowns.folded(&self.base, at)).ok()?;
             let position = highest_of(&model, airspace, SETPOINT_MARGIN_M, time_s)?.position;
-            let place = Place {
-                east_m: position.at.east_m,
-                north_m: position.at.north_m,
-                height_agl_m: position.height_m - airspace.frame().ground_amsl_m,
-            };
+            let place = place_of(position, airspace);
             let ppm = model.mean_ppm(&place, time_s);
             Some((position, ppm, ppm - model.background_ppm(&place, time_s)))
         };
@@ -323,16 +333,7 @@ impl Calibrator {
             value: co2_ppm,
             sd: (covariance * &slopes).dot(&slopes).max(0.0).sqrt(),
         };
-        let geodetic = airspace.frame().to_geodetic(position.at);
-        Some(Peak {
-            lat_deg: geodetic.lat_deg,
-            lon_deg: geodetic.lon_deg,
-            alt_amsl_m: position.height_m,
-            co2_ppm,
-            sd_ppm: there.sd,
-            time_s,
-            status: self.status(&there, excess_ppm),
-        })
+        Some(self.stated(airspace, position, &there, excess_ppm))
     }
 
     fn status(&self, there: &Estimate, excess_ppm: f64) -> PeakStatus {

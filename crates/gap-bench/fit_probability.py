@@ -22,19 +22,14 @@ PENALTIES = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
 BINS = (0.0, 0.5, 0.8, 0.95, 1.0 + 1e-9)
 STATED, NAMED = 0.5, 0.95
 
-FEATURES = (
-    "ln(1 + gain)",
-    "root of hold-out gain",
-    "root of its lower bound",
-    "logit over drawn passes",
+# As infer::Features::terms gives them.
+TERMS = (
     "ln widening",
-    "ln(1 + nats to next)",
     "ln departure",
-    "ln passes",
-    "ln readings",
-    "further mechanisms of the cause",
-    "further causes of the set",
+    "other causes of the set",
 )
+# As the finder bounds what the map says.
+MOST_WITHOUT_GAIN = 0.94
 
 
 def cases_of(path):
@@ -45,34 +40,10 @@ def cases_of(path):
     return made
 
 
-def features(case, causes, cause):
-    """The features of one cause; the bounds keep single values from deciding."""
-    def root(x):
-        x = np.clip(x, -100.0, 400.0)
-        return np.sign(x) * np.sqrt(abs(x))
-
-    drawn = np.clip(cause["drawn_again"], 1e-3, 1.0 - 1e-3)
-    # A limit does nothing at infinity: its departure has no size.
-    departs = 30.0 if cause["departs_sd"] is None else np.clip(cause["departs_sd"], 0.3, 30.0)
-    return (
-        np.log1p(max(cause["gain"], 0.0)),
-        root(cause["left_out"][0]),
-        root(cause["left_out"][1]),
-        np.log(drawn / (1.0 - drawn)),
-        np.log(cause["widening"]),
-        np.log1p(max(cause["nats_to_next"], 0.0)),
-        np.log(departs),
-        np.log(max(case["passes"], 1)),
-        np.log(case["readings"]),
-        len(cause["mechanisms"]) - 1.0,
-        len(causes) - 1.0,
-    )
-
-
 def table(cases):
-    """Features, truth and case of every cause that was judged."""
+    """Terms, truth and case of every cause that was judged."""
     rows = [
-        (features(case, causes, cause), cause["is_true"], k)
+        (cause["terms"], cause["is_true"], k)
         for k, case in enumerate(cases)
         for causes in case["considered"]
         for cause in causes
@@ -84,7 +55,7 @@ def table(cases):
 
 
 class Map:
-    """Logistic regression on standardised features, by Newton steps."""
+    """Logistic regression on standardised terms, by Newton steps."""
 
     def __init__(self, x, y, of, penalty):
         self.mean, self.sd = x.mean(0), x.std(0) + 1e-9
@@ -109,7 +80,7 @@ class Map:
         return 1.0 / (1.0 + np.exp(-self._columns(x) @ self.at))
 
     def raw(self):
-        """Constant and coefficients on features that are not standardised."""
+        """Constant and coefficients on terms that are not standardised."""
         slopes = self.at[1:] / self.sd
         return self.at[0] - slopes @ self.mean, slopes
 
@@ -146,10 +117,16 @@ def reliability(what, p, y):
             print(f"    [{low:.2f}, {min(high, 1.0):.2f}): stated {stated:.3f}, true {true:.3f} ({hits}/{n})")
 
 
+def bounded(p, cause):
+    """A probability of the map as the finder states it."""
+    most = 1.0 if cause["left_out_low"] > 0.0 else MOST_WITHOUT_GAIN
+    return min(p, cause["by_evidence"], most)
+
+
 def standing(case, probabilities):
     """The first set judged all of whose causes reach STATED, with their probabilities; the base has none."""
     for causes in case["considered"]:
-        own = [next(probabilities) for _ in causes]
+        own = [bounded(next(probabilities), c) for c in causes]
         if all(p >= STATED for p in own):
             return list(zip(causes, own))
     return []
@@ -205,7 +182,7 @@ def main(paths):
         penalty = chosen(x, y, of)
         p = held_out(x, y, of, penalty)
         print(f"{path}: {len(sets[path])} cases, {len(y)} causes judged, {y.mean():.3f} true, penalty {penalty}")
-        stated = [c["probability"] for case in sets[path] for causes in case["considered"] for c in causes]
+        stated = [c["by_evidence"] for case in sets[path] for causes in case["considered"] for c in causes]
         reliability("probability of the evidence", np.array(stated), y)
         reliability("map, other folds", p, y)
         compared(sets[path], p, of)
@@ -225,7 +202,7 @@ def main(paths):
     compared([c for cases in sets.values() for c in cases], p, of)
     constant, slopes = Map(x, y, of, penalty).raw()
     print(f"  constant {constant:.3f}")
-    for name, slope in zip(FEATURES, slopes):
+    for name, slope in zip(TERMS, slopes):
         print(f"  {name}: {slope:.3f}")
 
 

@@ -125,18 +125,12 @@ pub struct Considered {
     pub is_true: bool,
     /// Probability that one of them is at work.
     pub probability: f64,
-    /// Gain of the log evidence, nats.
-    pub gain: f64,
-    /// Nats to the likeliest mechanism that is not among them.
-    pub nats_to_next: f64,
-    /// Gain on passes left out and its lower bound, nats.
-    pub left_out: (f64, f64),
-    /// Probability on the average over passes drawn anew.
-    pub drawn_again: f64,
-    /// Standard deviations by which it departs from doing nothing; none for a limit.
-    pub departs_sd: Option<f64>,
-    /// Factor by which the scatter from pass to pass widens it.
-    pub widening: f64,
+    /// The same by evidence alone.
+    pub by_evidence: f64,
+    /// Terms of the regression that bounds it.
+    pub terms: Vec<f64>,
+    /// Lower bound of the gain on passes left out, nats.
+    pub left_out_low: f64,
     /// Draws in which errors on passes left out are larger with it.
     pub worse: [f64; 3],
 }
@@ -159,12 +153,9 @@ impl Considered {
             platforms: names().map(|n| n.1.clone()).collect(),
             is_true: names().any(holds),
             probability: cause.probability,
-            gain: cause.gain,
-            nats_to_next: cause.nats_to_next,
-            left_out: cause.left_out,
-            drawn_again: cause.drawn_again,
-            departs_sd: cause.departs_sd.is_finite().then_some(cause.departs_sd),
-            widening: cause.widening,
+            by_evidence: cause.by_evidence,
+            terms: cause.features.terms().to_vec(),
+            left_out_low: cause.left_out.1,
             worse: cause.worse,
         }
     }
@@ -572,13 +563,16 @@ mod tests {
         let judged = |id: &str, platform: Option<&str>| infer::Cause {
             names: vec![((id.to_owned(), platform.map(str::to_owned)), 0.9)],
             probability: 0.9,
+            by_evidence: 0.95,
+            features: infer::Features {
+                departs_sd: 20.0,
+                widening: 1.2,
+                others: 0,
+            },
             gain: 5.0,
             nats_to_next: 3.0,
             left_out: (4.0, 1.0),
-            drawn_again: 0.8,
-            departs_sd: f64::INFINITY,
             worse: [0.0; 3],
-            widening: 1.2,
         };
         let lag = |platforms: &[&str]| Hidden {
             platforms: platforms.iter().map(|p| (*p).to_owned()).collect(),
@@ -592,11 +586,8 @@ mod tests {
             (&[], Some("uav1"), true),
         ] {
             let one = Considered::of(&judged("sensor-lag", platform), &[lag(truth)]);
-            assert_eq!(
-                (one.is_true, one.departs_sd),
-                (is_true, None),
-                "{truth:?} {platform:?}"
-            );
+            assert_eq!(one.is_true, is_true, "{truth:?} {platform:?}");
+            assert!(one.terms.iter().all(|t| t.is_finite()));
         }
         let other = Considered::of(&judged("clock-offset", None), &[lag(&[])]);
         assert!(!other.is_true);

@@ -100,9 +100,9 @@ fn numbers() -> Vec<Number> {
             value: |p| 1.0 - p.named,
         },
         Number {
-            name: "1 - .drawn_again",
-            scale: |p, by| p.drawn_again = lacks(p.drawn_again, by),
-            value: |p| 1.0 - p.drawn_again,
+            name: ".stated",
+            scale: |p, by| p.stated = (p.stated * by).min(p.named),
+            value: |p| p.stated,
         },
         Number {
             name: "1 - .form_none",

@@ -17,9 +17,9 @@ pub const SCHEMA: &str = "plumage.gap/2";
 pub enum Verdict {
     /// The base and its noise explain the data.
     None,
-    /// Every cause is one mechanism.
+    /// Every cause is one mechanism, of a probability of .95 at least.
     Named,
-    /// At least one cause is a set that the data cannot tell apart.
+    /// At least one cause is a set that the data cannot tell apart, or less sure.
     Ambiguous,
     /// Something is there that no mechanism of the catalogue explains, or that none explains well
     /// enough to be named.
@@ -35,7 +35,7 @@ impl Verdict {
             Self::Unexplained
         } else if causes.is_empty() {
             Self::None
-        } else if causes.iter().all(|c| c.mechanisms.len() == 1) {
+        } else if causes.iter().all(Cause::is_named) {
             Self::Named
         } else {
             Self::Ambiguous
@@ -115,6 +115,17 @@ pub struct Cause {
 }
 
 impl Cause {
+    /// Whether it is sure enough to extend a scenario. A probability that is not known is that of a mechanism without
+    /// rival.
+    pub fn is_sure(&self) -> bool {
+        self.probability.is_nan() || self.probability >= infer::NAMED
+    }
+
+    /// Whether it is one mechanism, and sure.
+    pub fn is_named(&self) -> bool {
+        self.mechanisms.len() == 1 && self.is_sure()
+    }
+
     /// When it set in, in words that follow its name; empty where it was there from the beginning or that is not asked.
     pub fn onset_after(&self) -> String {
         self.onset_s.map_or_else(String::new, |at| {

@@ -2,13 +2,14 @@
 //! to be chosen again when passes are drawn anew, and to leave no error of form that says more.
 
 use crate::InferError;
+use crate::drawn::{Drawn, Passes, RIVAL_NATS};
 use crate::form::SWING;
-use crate::left_out::{ByPass, Expected};
+use crate::left_out::Expected;
 use crate::names::{Catalogue, Found, Question};
 use crate::parallel_map::parallel_map;
+use crate::policy::Policy;
 use crate::posterior::Posterior;
-use rand::rngs::ChaCha8Rng;
-use rand::{RngExt, SeedableRng};
+use crate::probability::Features;
 use std::ops::Range;
 
 /// A name makes left-out passes significantly worse where that many of the draws say so: one side of
@@ -17,14 +18,14 @@ const WORSE: f64 = 0.975;
 /// Left-out passes are to be expected better with a name than without by some measure in this part of the draws: evidence alone,
 /// which also tells how errors hang together, names nothing.
 const NO_BETTER: f64 = 0.5;
-/// A set that is less likely by this, nats, is no rival however passes are drawn: one in 3,000.
-const RIVAL_NATS: f64 = 8.0;
+/// No cause is named by which passes left out do not gain: it would extend a scenario that it does not help.
+const MOST_WITHOUT_GAIN: f64 = 0.94;
 /// Fluctuation from which its law matters: a log-normal factor of this size has a skewness of one, a normal one none.
 const STRONG_FLUCTUATION: f64 = 0.3;
 /// The likeliest sets that are judged as they are, before names are struck one after another.
 const SETS_JUDGED: usize = 10;
-/// Sets of passes drawn anew.
-const DRAWS: usize = 40;
+/// ... of those that are as probable as this over passes drawn anew.
+const LEAST_SHARE: f64 = 0.02;
 
 /// A cause: mechanisms of which the readings do not tell which one it is.
 #[derive(Debug, Clone)]
@@ -33,21 +34,19 @@ pub struct Cause<T> {
     pub names: Vec<(T, f64)>,
     /// Probability that one of them is at work.
     pub probability: f64,
+    /// The same by evidence alone.
+    pub by_evidence: f64,
+    /// What the probability follows from besides.
+    pub features: Features,
     /// Gain of the log evidence over the set without it, nats.
     pub gain: f64,
     /// Nats to the likeliest that is not among them.
     pub nats_to_next: f64,
     /// Gain on passes left out, nats, and its lower bound, which four in five exceed.
     pub left_out: (f64, f64),
-    /// Probability on the average over passes drawn anew.
-    pub drawn_again: f64,
-    /// Standard deviations by which it departs from doing nothing; infinite for a limit.
-    pub departs_sd: f64,
     /// Part of the draws in which root mean square error, normalised mean square error and mean absolute error on passes
     /// left out are worse with it than without; zero where it does not stand anyway.
     pub worse: [f64; 3],
-    /// Factor by which the scatter from pass to pass widens its uncertainty, 1 or more.
-    pub widening: f64,
 }
 
 impl<T> Cause<T> {
@@ -56,21 +55,18 @@ impl<T> Cause<T> {
         Cause {
             names: self.names.iter().map(|(n, p)| (label(n), *p)).collect(),
             probability: self.probability,
+            by_evidence: self.by_evidence,
+            features: self.features,
             gain: self.gain,
             nats_to_next: self.nats_to_next,
             left_out: self.left_out,
-            drawn_again: self.drawn_again,
-            departs_sd: self.departs_sd,
             worse: self.worse,
-            widening: self.widening,
         }
     }
-}
 
-impl<T> Cause<T> {
-    /// The smaller of its two probabilities.
-    pub fn strength(&self) -> f64 {
-        self.probability.min(self.drawn_again)
+    /// Whether it is sure enough to extend a scenario.
+    pub fn is_sure(&self, policy: &Policy) -> bool {
+        self.probability >= policy.named
     }
 }
 
@@ -140,27 +136,15 @@ impl Question<'_> {
         tried: &[M::Tried],
         seed: u64,
     ) -> Result<Judgement<M>, InferError> {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let passes = self.passes(&found[0])?;
-        let draws: Vec<Vec<f64>> = (0..DRAWS)
-            .map(|_| {
-                let mut times = vec![0.0; passes.len()];
-                for _ in 0..passes.len() {
-                    times[rng.random_range(0..passes.len())] += 1.0;
-                }
-                times
-            })
-            .collect();
+        let passes = Passes::drawn(self.passes(&found[0])?, seed);
         let mut considered = Vec::new();
-        let (set, causes, dropped) = self.standing(found, &passes, &draws, &mut considered)?;
-        let speaks_for = |cause: &Cause<M::Tried>| {
-            cause.gain > self.policy.rest_alone_nats || cause.strength() > self.policy.drawn_again
-        };
+        let (set, causes, dropped) = self.standing(found, &passes, &mut considered)?;
+        let speaks_for = |c: &Cause<M::Tried>| c.gain > self.policy.rest_alone_nats;
         let is_doubted = dropped.iter().any(speaks_for);
-        let rest = self.rest(&set, &passes)?;
+        let rest = self.rest(&set, &passes.rows)?;
         let candidates = if rest.nats > self.policy.rest_nats || is_doubted {
             let plain = self.plain_extensions(&set, tried)?;
-            self.candidates(&plain, &passes, &draws)?
+            self.candidates(&plain, &passes)?
         } else {
             Vec::new()
         };
@@ -171,7 +155,7 @@ impl Question<'_> {
             is_doubted,
             rest,
             candidates,
-            passes,
+            passes: passes.rows,
             considered,
         })
     }
@@ -182,36 +166,41 @@ impl Question<'_> {
     fn standing<M: Catalogue>(
         &self,
         found: &[Found<M>],
-        passes: &[Vec<Range<usize>>],
-        draws: &[Vec<f64>],
+        passes: &Passes,
         considered: &mut Vec<Vec<Cause<M::Tried>>>,
     ) -> Result<(Found<M>, Vec<Cause<M::Tried>>, Vec<Cause<M::Tried>>), InferError> {
+        let mut drawn = Drawn::new(self, found, passes)?;
+        let weighed: Vec<usize> = drawn.weighed().collect();
+        let share = drawn.shares(&weighed);
+        let share_of = |set: &usize| share[weighed.iter().position(|s| s == set).unwrap_or(0)];
+        let mut likeliest = weighed.clone();
+        likeliest.sort_by(|a, b| share_of(b).total_cmp(&share_of(a)));
+        likeliest.truncate(SETS_JUDGED);
+        likeliest.retain(|set| *set == 0 || share_of(set) > LEAST_SHARE);
         let mut dropped: Vec<Cause<M::Tried>> = Vec::new();
-        let mut set = found[0].clone();
+        let mut next = likeliest.iter().copied();
+        let mut set = next.next().unwrap_or(0);
         let mut causes;
-        let mut next = found.iter().take(SETS_JUDGED).skip(1);
         loop {
-            causes = self.causes(found, &set, passes, draws)?;
+            causes = self.causes(&mut drawn, set)?;
             considered.push(causes.clone());
             let weakest = (0..causes.len())
                 .filter(|&k| !self.stands(&causes[k]))
-                .min_by(|a, b| causes[*a].strength().total_cmp(&causes[*b].strength()));
+                .min_by(|a, b| causes[*a].probability.total_cmp(&causes[*b].probability));
             let Some(k) = weakest else { break };
             let cause = &causes[k];
-            if cause.probability > 0.5 && cause.departs_sd > self.policy.departs_sd {
+            if cause.by_evidence > 0.5 && cause.features.departs_sd > self.policy.departs_sd {
                 dropped.push(cause.clone());
             }
-            set = match next.next() {
-                Some(next) => next.clone(),
-                None => best_without(found, &set, k).clone(),
-            };
+            set = next.next().unwrap_or_else(|| drawn.without(set, k));
         }
+        let set = found[set].clone();
         let is_stated = |name: &M::Tried| {
             let mut names = causes.iter().flat_map(|c| &c.names);
             names.any(|n| M::same_cause(&n.0, name))
         };
         dropped.retain(|d| !is_stated(&d.names[0].0));
-        dropped.sort_by(|a, b| b.strength().total_cmp(&a.strength()));
+        dropped.sort_by(|a, b| b.probability.total_cmp(&a.probability));
         dropped.dedup_by(|a, b| M::same_cause(&a.names[0].0, &b.names[0].0));
         Ok((set, causes, dropped))
     }
@@ -291,10 +280,7 @@ impl Question<'_> {
 
     /// Whether a name stands.
     fn stands<T>(&self, cause: &Cause<T>) -> bool {
-        cause.probability > self.policy.named
-            && cause.left_out.1 > 0.0
-            && cause.drawn_again > self.policy.drawn_again
-            && cause.departs_sd > self.policy.departs_sd
+        cause.probability >= self.policy.stated
             && cause.names.len() <= self.policy.most_candidates
             && cause.worse.iter().all(|w| *w < WORSE)
             && cause.worse.iter().any(|w| *w <= NO_BETTER)
@@ -303,111 +289,99 @@ impl Question<'_> {
     /// The names of a set, each with what it is worth.
     fn causes<M: Catalogue>(
         &self,
-        found: &[Found<M>],
-        set: &Found<M>,
-        passes: &[Vec<Range<usize>>],
-        draws: &[Vec<f64>],
+        drawn: &mut Drawn<'_, M>,
+        set: usize,
     ) -> Result<Vec<Cause<M::Tried>>, InferError> {
-        if set.names.is_empty() {
+        let of = &drawn.found[set];
+        if of.names.is_empty() {
             return Ok(Vec::new());
         }
-        let departures = departures(set, &self.posterior(set)?);
-        let of = |(k, departure)| self.cause(found, (set, k), departure, passes, draws);
-        departures.into_iter().enumerate().map(of).collect()
+        let without = (0..of.names.len()).map(|k| drawn.without(set, k));
+        drawn.weigh(self, without.chain([set]).collect())?;
+        let departures = departures(of, &self.posterior(of)?);
+        let cause = |(k, departure)| self.cause(drawn, (set, k), departure);
+        departures.into_iter().enumerate().map(cause).collect()
     }
 
     fn cause<M: Catalogue>(
         &self,
-        found: &[Found<M>],
-        (set, k): (&Found<M>, usize),
+        drawn: &Drawn<'_, M>,
+        (set, k): (usize, usize),
         Departure {
             departs_sd,
             widening,
         }: Departure,
-        passes: &[Vec<Range<usize>>],
-        draws: &[Vec<f64>],
     ) -> Result<Cause<M::Tried>, InferError> {
-        let without = best_without(found, set, k);
-        let others: Vec<&M::Tried> = set
-            .names
-            .iter()
-            .enumerate()
-            .filter(|(j, _)| *j != k)
-            .map(|(_, n)| n)
-            .collect();
-        let top = set.ln_score();
-        let mut rivals: Vec<(&M::Tried, &Found<M>)> = Vec::new();
-        for f in found.iter().filter(|f| f.names.len() == set.names.len()) {
-            if !others.iter().all(|o| f.has(o)) {
-                continue;
-            }
-            let own = f
-                .names
-                .iter()
-                .find(|n| !others.iter().any(|o| M::same_cause(o, n)));
-            let Some(own) = own else { continue };
-            if rivals.iter().all(|r| !M::same_cause(r.0, own)) {
-                rivals.push((own, f));
-            }
-        }
-        // The name of the set itself stands first, whatever else is as likely.
-        rivals.sort_by_key(|r| !M::same_cause(r.0, &set.names[k]));
-        // Readings that scatter together tell less than as many independent ones (Ribatet and others 2012).
-        let gain = top - without.ln_score() - (set.ln_prior - without.ln_prior);
-        let scattered = gain.max(0.0) * (1.0 - widening.powi(-2));
-        let too_much = scattered.max(self.due_to_fluctuation(set, without)?);
-        let without_ln = without.ln_score() + too_much;
-        let dropped = (without_ln - top).exp();
+        let found = drawn.found;
+        let (index, own) = (set, &found[set]);
+        let bare = drawn.without(set, k);
+        let without = &found[bare];
+        let top = own.ln_score();
         let ln = |f: &Found<M>| f.ln_score() - top;
-        let all: f64 = rivals.iter().map(|r| ln(r.1).exp()).sum();
-        let probability = all / (all + dropped);
-        type Rivals<'f, M> = Vec<(&'f <M as Catalogue>::Tried, &'f Found<M>)>;
-        let (near, far): (Rivals<'_, M>, Rivals<'_, M>) =
-            rivals.into_iter().partition(|r| ln(r.1) > -RIVAL_NATS);
-        let by_pass: Vec<ByPass> = parallel_map(&near, |r| self.by_pass(r.1, passes))
-            .into_iter()
-            .collect::<Result<_, _>>()?;
-        let share = shares(&by_pass, draws);
+        // Readings that scatter together tell less than as many independent ones (Ribatet and others 2012).
+        let gain = top - without.ln_score() - (own.ln_prior - without.ln_prior);
+        let scattered = gain.max(0.0) * (1.0 - widening.powi(-2));
+        let too_much = scattered.max(self.due_to_fluctuation(own, without)?);
+        let gain = gain - too_much;
+        let rivals = rivals(found, own, k);
+        let all: f64 = rivals.iter().map(|r| ln(&found[r.1]).exp()).sum();
+        let by_evidence = all / (all + (ln(without) + too_much).exp());
+        let (near, mut beyond): (Vec<_>, Vec<_>) = rivals.into_iter().partition(|r| {
+            r.1 == index || (drawn.get(r.1).is_some() && ln(&found[r.1]) > -RIVAL_NATS)
+        });
+        let share = drawn.shares(&near.iter().map(|r| r.1).collect::<Vec<_>>());
         let mut order: Vec<usize> = (1..near.len()).collect();
         order.sort_by(|a, b| share[*b].total_cmp(&share[*a]));
-        let mut names = vec![(near[0].0.clone(), probability * share[0])];
-        let (mut held, mut beyond) = (share[0], far);
+        let mut names = vec![(near[0].0.clone(), share[0])];
+        let mut held = share[0];
         for r in order {
             if held < self.policy.named {
                 held += share[r];
-                names.push((near[r].0.clone(), probability * share[r]));
+                names.push((near[r].0.clone(), share[r]));
             } else {
                 beyond.push(near[r]);
             }
         }
-        let nearest = beyond.iter().map(|r| ln(r.1).abs());
-        let nats_to_next = nearest.fold(top - without_ln, f64::min);
-        let (own, less) = (&by_pass[0], self.by_pass(without, passes)?);
-        let gains: Vec<f64> = own
-            .left_out()
-            .iter()
-            .zip(less.left_out())
-            .map(|(a, b)| a - b)
-            .collect();
-        let drawn = draws.iter().map(|times| {
-            let odds = own.ln(times) - less.ln(times) - too_much;
-            1.0 / (1.0 + (-odds).exp())
-        });
-        let drawn_again = drawn.sum::<f64>() / draws.len() as f64;
+        let nearest = beyond.iter().map(|r| ln(&found[r.1]).abs());
+        let nats_to_next = nearest.fold(-ln(without) - too_much, f64::min);
+        let (with, less) = match (drawn.get(index), drawn.get(bare)) {
+            (Some(with), Some(less)) => (with, less),
+            _ => return Err(InferError::NoPosterior),
+        };
+        let gains = with.left_out.iter().zip(&less.left_out);
+        let gains: Vec<f64> = gains.map(|(a, b)| a - b).collect();
+        let features = Features {
+            // A limit does nothing at infinity: its evidence tells how far it departs (Wilks 1938).
+            departs_sd: if departs_sd.is_finite() {
+                departs_sd
+            } else {
+                (2.0 * gain.max(0.0)).sqrt()
+            },
+            widening,
+            others: own.names.len() - 1,
+        };
+        let left_out = sum_and_low(&gains);
+        let most = if left_out.1 > 0.0 {
+            1.0
+        } else {
+            MOST_WITHOUT_GAIN
+        };
+        let calibrated = self.policy.cause_map.probability(&features);
+        let probability = calibrated.min(by_evidence).min(most);
+        names.iter_mut().for_each(|n| n.1 *= probability);
         let mut cause = Cause {
             names,
             probability,
-            gain: gain - too_much,
+            by_evidence,
+            features,
+            gain,
             nats_to_next,
-            left_out: sum_and_low(&gains),
-            drawn_again,
-            departs_sd,
+            left_out,
             worse: [0.0; 3],
-            widening,
         };
         if self.stands(&cause) {
-            let [before, after] = self.compared(without, set, passes)?;
-            cause.worse = self.worse(&before, &after, passes, draws);
+            let [before, after] = self.compared(without, own, &drawn.passes.rows)?;
+            cause.worse = self.worse(&before, &after, drawn.passes);
         }
         Ok(cause)
     }
@@ -432,26 +406,20 @@ impl Question<'_> {
     }
 
     /// Part of the draws in which errors on passes left out are larger after than before.
-    fn worse(
-        &self,
-        before: &Expected,
-        after: &Expected,
-        passes: &[Vec<Range<usize>>],
-        draws: &[Vec<f64>],
-    ) -> [f64; 3] {
+    fn worse(&self, before: &Expected, after: &Expected, passes: &Passes) -> [f64; 3] {
         let errors = |expected: &Expected| -> Vec<Errors> {
             let of = |pass: &Vec<Range<usize>>| Errors::of(self.rows, before, expected, pass);
-            passes.iter().map(of).collect()
+            passes.rows.iter().map(of).collect()
         };
         let (old, new) = (errors(before), errors(after));
         let mut worse = [0.0; 3];
-        for times in draws {
+        for times in &passes.draws {
             let (a, b) = (Errors::sum(&old, times), Errors::sum(&new, times));
             worse[0] += f64::from(u8::from(b.square > a.square));
             worse[1] += f64::from(u8::from(b.normalised() > a.normalised()));
             worse[2] += f64::from(u8::from(b.absolute > a.absolute));
         }
-        worse.map(|w| w / draws.len() as f64)
+        worse.map(|w| w / passes.draws.len() as f64)
     }
 
     /// What of the sets without error of form explains most, each with the part of the draws in which it is
@@ -459,16 +427,13 @@ impl Question<'_> {
     fn candidates<M: Catalogue>(
         &self,
         plain: &[Found<M>],
-        passes: &[Vec<Range<usize>>],
-        draws: &[Vec<f64>],
+        passes: &Passes,
     ) -> Result<Vec<(Found<M>, f64)>, InferError> {
         if plain.is_empty() {
             return Ok(Vec::new());
         }
-        let by_pass: Vec<ByPass> = parallel_map(plain, |f| self.by_pass(f, passes))
-            .into_iter()
-            .collect::<Result<_, _>>()?;
-        let share = shares(&by_pass, draws);
+        let all: Vec<usize> = (0..plain.len()).collect();
+        let share = Drawn::all(self, plain, passes)?.shares(&all);
         let mut order: Vec<usize> = (0..plain.len()).collect();
         order.sort_by(|a, b| share[*b].total_cmp(&share[*a]));
         let mut out = Vec::new();
@@ -543,35 +508,29 @@ fn departures<M: Catalogue>(set: &Found<M>, posterior: &Posterior) -> Vec<Depart
     set.names.iter().map(of).collect()
 }
 
-/// The probability of each of several sets against the others, on the average over draws of passes.
-fn shares(by_pass: &[ByPass], draws: &[Vec<f64>]) -> Vec<f64> {
-    let mut share = vec![0.0; by_pass.len()];
-    for times in draws {
-        let ln: Vec<f64> = by_pass.iter().map(|b| b.ln(times)).collect();
-        let top = ln.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let all: f64 = ln.iter().map(|l| (l - top).exp()).sum();
-        for (share, ln) in share.iter_mut().zip(&ln) {
-            *share += (ln - top).exp() / all / draws.len() as f64;
+/// Sets that were found with one name in the place of the `k`-th of a set, its own first: the likeliest of each name.
+fn rivals<'f, M: Catalogue>(
+    found: &'f [Found<M>],
+    set: &Found<M>,
+    k: usize,
+) -> Vec<(&'f M::Tried, usize)> {
+    let other = |n: &M::Tried| {
+        let mut others = set.names.iter().enumerate().filter(|(j, _)| *j != k);
+        others.any(|(_, o)| M::same_cause(o, n))
+    };
+    let mut rivals: Vec<(&M::Tried, usize)> = Vec::new();
+    for (index, f) in found.iter().enumerate() {
+        let mut own = f.names.iter().filter(|n| !other(n));
+        let (Some(own), None) = (own.next(), own.next()) else {
+            continue;
+        };
+        if f.names.len() == set.names.len() && rivals.iter().all(|r| !M::same_cause(r.0, own)) {
+            rivals.push((own, index));
         }
     }
-    share
-}
-
-/// The likeliest set that was found with none but the names of `set` without the one at `k`.
-fn best_without<'f, M: Catalogue>(
-    found: &'f [Found<M>],
-    set: &'f Found<M>,
-    k: usize,
-) -> &'f Found<M> {
-    let mut names = set.names.clone();
-    names.remove(k);
-    let within = |f: &&Found<M>| {
-        f.names
-            .iter()
-            .all(|n| names.iter().any(|o| M::same_cause(n, o)))
-    };
-    // The base is always among them.
-    found.iter().find(within).unwrap_or(set)
+    // The name of the set itself stands first, whatever else is as likely.
+    rivals.sort_by_key(|r| !M::same_cause(r.0, &set.names[k]));
+    rivals
 }
 
 /// Sums over rows.

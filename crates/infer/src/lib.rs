@@ -71,6 +71,7 @@
 
 mod ahead;
 mod contact;
+mod drawn;
 mod evidence;
 mod fit;
 mod fluctuation;
@@ -86,6 +87,7 @@ mod parallel_map;
 mod passes;
 mod policy;
 mod posterior;
+mod probability;
 mod rows;
 mod slopes;
 mod start;
@@ -101,8 +103,9 @@ pub use names::{Catalogue, Found, Question, Screened, Start};
 pub use nearest::Nearest;
 pub use noise::Noise;
 pub use parallel_map::parallel_map;
-pub use policy::Policy;
+pub use policy::{NAMED, Policy};
 pub use posterior::{Estimate, Posterior};
+pub use probability::{CauseMap, Features, TERMS};
 pub use rows::{ForwardModel, PlumePlace, Prediction, Prior, Rows};
 
 /// What this crate refuses.

@@ -1,6 +1,10 @@
 //! Every number by which the inference decides, with its reason.
 
 use crate::noise::Noise;
+use crate::probability::CauseMap;
+
+/// Probability from which a cause is named: 19 to 1.
+pub const NAMED: f64 = 0.95;
 
 /// Numbers by which the inference decides. None has the unit of a concentration: sizes follow the
 /// sensor's noise and the plume, so that an answer is the same in ppm and in ppb.
@@ -75,10 +79,12 @@ pub struct Policy {
     pub beam_nats: f64,
     /// A cause is named at this probability: 19 to 1.
     pub named: f64,
-    /// ... and where passes drawn anew give it this on the average (Huggins and Miller 2023): three to one. A drawn set
-    /// lacks a third of the passes, so that the probability in it is less than that in all.
-    pub drawn_again: f64,
-    /// ... and where a parameter of it departs from doing nothing by so many standard deviations.
+    /// ... and stated, with that probability, where it is likelier than not.
+    pub stated: f64,
+    /// The probability of a cause, by 263 cases of the benchmark's two generators (`crates/gap-bench/fit_probability.py`).
+    pub cause_map: CauseMap,
+    /// A name that does not stand is a candidate where a parameter of it departs from doing nothing by so many standard
+    /// deviations.
     pub departs_sd: f64,
     /// An error of form is said where its evidence exceeds this, nats: 99 to 1, as a model that is right
     /// shows so much by chance in one record of a hundred at most.
@@ -142,8 +148,12 @@ impl Default for Policy {
             beam_causes: 30,
             beam_width: 3,
             beam_nats: 4.0,
-            named: 0.95,
-            drawn_again: 0.75,
+            named: NAMED,
+            stated: 0.5,
+            cause_map: CauseMap {
+                constant: -3.33,
+                slopes: [-2.13, 2.14, -0.35],
+            },
             departs_sd: 2.0,
             rest_nats: 4.595,
             rest_alone_nats: 12.0,

@@ -216,12 +216,20 @@ pub fn verdict(kind: &str, title: &str, json: &GapJson) -> String {
 fn sentence(json: &GapJson) -> String {
     let causes: Vec<String> = json.causes.iter().map(set).collect();
     let causes = causes.join("; ");
+    let lacks = if json.causes.iter().all(gap::verdict::Cause::is_sure) {
+        "lacks"
+    } else {
+        "probably lacks"
+    };
     match json.verdict {
         Verdict::None => "The model and its noise explain the data.".to_owned(),
         Verdict::Named => format!("The model lacks: {causes}."),
+        Verdict::Ambiguous if json.causes.iter().all(|c| c.mechanisms.len() == 1) => {
+            format!("The model {lacks}: {causes}.")
+        }
         Verdict::Ambiguous => {
             format!(
-                "The model lacks one of several causes that these data cannot tell apart: {causes}."
+                "The model {lacks} one of several causes that these data cannot tell apart: {causes}."
             )
         }
         Verdict::Unexplained => {
@@ -232,7 +240,7 @@ fn sentence(json: &GapJson) -> String {
                 )
             } else {
                 format!(
-                    "The model lacks: {causes}. No listed mechanism accounts for the remaining deviation: {term}."
+                    "The model {lacks}: {causes}. No listed mechanism accounts for the remaining deviation: {term}."
                 )
             }
         }
@@ -370,6 +378,7 @@ fn extended(page: &mut Document, json: &GapJson) {
     let parameters: Vec<Vec<String>> = json
         .causes
         .iter()
+        .filter(|c| c.is_sure())
         .flat_map(|c| &c.parameters)
         .map(|p| {
             vec![
@@ -382,7 +391,7 @@ fn extended(page: &mut Document, json: &GapJson) {
         .collect();
     if parameters.is_empty() {
         page.paragraph(
-            "The extended scenario is the base with its fitted parameters; no mechanism was added.",
+            "The extended scenario is the base with its fitted parameters; no mechanism is sure enough to be added.",
         );
     } else {
         let caption = "Added mechanisms, as in extended.toml, which plumage run can fly.";

@@ -104,11 +104,12 @@ pub(crate) fn stated(
         data_quality: quality,
         notices,
     };
-    let parts = set.model.parts(set.at());
+    let sure = sure_set(study, named);
+    let parts = sure.model.parts(sure.at());
     let extension = parts[study.setup.priors.len()..].to_vec();
     Ok(Analysis {
         json,
-        extension: set.model.mechanisms(&extension),
+        extension: sure.model.mechanisms(&extension),
         base: base
             .into_iter()
             .filter(|b| b.platform.is_none())
@@ -116,12 +117,30 @@ pub(crate) fn stated(
             .collect(),
         logged_wind: study.data.on_board_wind.then(|| met_wind(study, set)),
         report: report(study, gained.as_ref()),
-        named: (named && !judged.set.names.is_empty()).then(|| NamedSet {
-            names: judged.set.names.clone(),
-            fit: judged.set.fit().clone(),
+        named: (!sure.names.is_empty()).then(|| NamedSet {
+            names: sure.names.clone(),
+            fit: sure.fit().clone(),
         }),
         considered: considered(study),
     })
+}
+
+/// The set of what is sure enough to extend a scenario: of the causes that are stated those with a probability of .95
+/// by which passes left out gain. The base where there is none.
+fn sure_set<'s, 'a>(study: &'s Study<'a>, named: bool) -> &'s Found<PlumeModel<'a>> {
+    let judged = &study.judged;
+    let is_sure = |c: &&Named<Tried>| named && c.is_sure(study.question.policy);
+    let sure: Vec<Tried> = judged
+        .causes
+        .iter()
+        .filter(is_sure)
+        .map(|c| c.names[0].0.clone())
+        .collect();
+    if sure.len() == judged.set.names.len() {
+        return &judged.set;
+    }
+    let found = study.found.iter().find(|f| f.is_same_set(&sure));
+    found.unwrap_or(&study.base)
 }
 
 /// The sets that were judged, by the names of files.
@@ -334,7 +353,7 @@ fn candidate(
 fn dropped(study: &Study<'_>, cause: &Named<Tried>) -> Candidate {
     Candidate {
         mechanisms: vec![label(study, &cause.names[0].0).0],
-        probability: cause.strength(),
+        probability: cause.probability,
         log_evidence: cause.gain,
         parameters: Vec::new(),
     }
@@ -758,8 +777,11 @@ fn summary(
                 )
             }
         }
+        Verdict::Ambiguous if causes.iter().all(|c| c.mechanisms.len() == 1) => {
+            format!("The data probably show {named}.{gained}")
+        }
         Verdict::Ambiguous => {
-            format!("The data show {named}, but cannot tell some of these apart.{gained}")
+            format!("The data probably show {named}, but cannot tell some of these apart.{gained}")
         }
         Verdict::Named => format!("The data show {named}.{gained}"),
     };

@@ -1,0 +1,162 @@
+//! Sets of names over passes drawn anew: the probability of each on the average, which tells how far the readings of
+//! these passes, and not a few of them, speak for it (bagged posteriors: Huggins and Miller 2023).
+
+use crate::InferError;
+use crate::left_out::ByPass;
+use crate::names::{Catalogue, Found, Question};
+use crate::parallel_map::parallel_map;
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+/// Sets of passes drawn anew.
+const DRAWS: usize = 40;
+/// Most sets that are weighed over them, besides those without one of their names.
+const MOST_SETS: usize = 12;
+/// A set that is less likely by this, nats, is no rival however passes are drawn: one in 3,000.
+pub(crate) const RIVAL_NATS: f64 = 8.0;
+
+/// A record's passes, and how often each counts in every draw.
+pub(crate) struct Passes {
+    /// Rows of each pass.
+    pub rows: Vec<Vec<Range<usize>>>,
+    /// How often each counts, draw by draw.
+    pub draws: Vec<Vec<f64>>,
+}
+
+impl Passes {
+    /// Draws of as many passes as there are, with replacement.
+    pub fn drawn(rows: Vec<Vec<Range<usize>>>, seed: u64) -> Self {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut draw = || {
+            let mut times = vec![0.0; rows.len()];
+            for _ in 0..rows.len() {
+                times[rng.random_range(0..rows.len())] += 1.0;
+            }
+            times
+        };
+        let draws = (0..DRAWS).map(|_| draw()).collect();
+        Self { rows, draws }
+    }
+}
+
+/// A set's log evidences, nats.
+pub(crate) struct DrawnSet {
+    /// In each draw.
+    pub ln: Vec<f64>,
+    /// What each pass says of itself when the others are known.
+    pub left_out: Vec<f64>,
+}
+
+impl DrawnSet {
+    fn of(by_pass: &ByPass, passes: &Passes) -> Self {
+        Self {
+            ln: passes.draws.iter().map(|t| by_pass.ln(t)).collect(),
+            left_out: by_pass.left_out(),
+        }
+    }
+}
+
+/// Sets that were found, the likeliest first, and over passes drawn anew those of them that matter.
+pub(crate) struct Drawn<'f, M: Catalogue> {
+    pub found: &'f [Found<M>],
+    pub passes: &'f Passes,
+    sets: BTreeMap<usize, DrawnSet>,
+}
+
+impl<'f, M: Catalogue> Drawn<'f, M> {
+    /// The likeliest sets, those without one of their names, and the base.
+    pub fn new(
+        question: &Question<'_>,
+        found: &'f [Found<M>],
+        passes: &'f Passes,
+    ) -> Result<Self, InferError> {
+        let mut drawn = Self::none(found, passes);
+        let least = found[0].ln_score() - RIVAL_NATS;
+        let near = found.iter().take_while(|f| f.ln_score() > least).count();
+        let mut which: Vec<usize> = (0..near.clamp(1, MOST_SETS)).collect();
+        for set in which.clone() {
+            which.extend((0..found[set].names.len()).map(|k| drawn.without(set, k)));
+        }
+        which.extend(found.iter().position(|f| f.names.is_empty()));
+        drawn.weigh(question, which)?;
+        Ok(drawn)
+    }
+
+    /// All of them.
+    pub fn all(
+        question: &Question<'_>,
+        found: &'f [Found<M>],
+        passes: &'f Passes,
+    ) -> Result<Self, InferError> {
+        let mut drawn = Self::none(found, passes);
+        drawn.weigh(question, (0..found.len()).collect())?;
+        Ok(drawn)
+    }
+
+    fn none(found: &'f [Found<M>], passes: &'f Passes) -> Self {
+        Self {
+            found,
+            passes,
+            sets: BTreeMap::new(),
+        }
+    }
+
+    /// Weighs further sets over the draws.
+    pub fn weigh(
+        &mut self,
+        question: &Question<'_>,
+        mut which: Vec<usize>,
+    ) -> Result<(), InferError> {
+        which.retain(|set| !self.sets.contains_key(set));
+        which.sort_unstable();
+        which.dedup();
+        let weighed = parallel_map(&which, |set| {
+            let by_pass = question.by_pass(&self.found[*set], &self.passes.rows)?;
+            Ok((*set, DrawnSet::of(&by_pass, self.passes)))
+        });
+        for set in weighed {
+            let (set, weighed) = set?;
+            self.sets.insert(set, weighed);
+        }
+        Ok(())
+    }
+
+    /// A set that was weighed.
+    pub fn get(&self, set: usize) -> Option<&DrawnSet> {
+        self.sets.get(&set)
+    }
+
+    /// The sets that were weighed.
+    pub fn weighed(&self) -> impl Iterator<Item = usize> {
+        self.sets.keys().copied()
+    }
+
+    /// The likeliest set that was found with none but the names of a set without the one at `k`.
+    pub fn without(&self, set: usize, k: usize) -> usize {
+        let mut names = self.found[set].names.clone();
+        names.remove(k);
+        let is_one = |n: &M::Tried| names.iter().any(|o| M::same_cause(n, o));
+        let within = |f: &Found<M>| f.names.iter().all(is_one);
+        // The base is always among them.
+        self.found.iter().position(within).unwrap_or(set)
+    }
+
+    /// The probability of each of some sets against the others, on the average over the draws.
+    pub fn shares(&self, of: &[usize]) -> Vec<f64> {
+        let ln: Vec<&DrawnSet> = of.iter().filter_map(|s| self.sets.get(s)).collect();
+        let mut share = vec![0.0; ln.len()];
+        for draw in 0..self.passes.draws.len() {
+            let top = ln
+                .iter()
+                .map(|s| s.ln[draw])
+                .fold(f64::NEG_INFINITY, f64::max);
+            let all: f64 = ln.iter().map(|s| (s.ln[draw] - top).exp()).sum();
+            for (share, set) in share.iter_mut().zip(&ln) {
+                *share += (set.ln[draw] - top).exp() / all / self.passes.draws.len() as f64;
+            }
+        }
+        share
+    }
+}

@@ -12,7 +12,7 @@ mod ground_check;
 mod plans;
 
 use ::plume::mechanism::MechanismId;
-use infer::{Believed, Found, InferError};
+use infer::{Believed, Catalogue as _, Found, InferError};
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use self::airspace::outside;
@@ -39,9 +39,13 @@ const WORTH_FLYING: f64 = 0.5;
 const ENOUGH_NATS: f64 = 12.0;
 const NAT_PART: f64 = 1e-3;
 
+/// What a flight may set a cause apart from besides other causes.
+const NO_CAUSE: &str = "none";
+
 /// A set of names that may be the true one, and the name that the others do not have.
 struct Rival<'s, 'a> {
-    id: MechanismId,
+    /// None of the set without that name.
+    id: Option<MechanismId>,
     platform: Option<usize>,
     found: &'s Found<PlumeModel<'a>>,
 }
@@ -140,8 +144,8 @@ pub(crate) fn proposed(
         .transpose()
 }
 
-/// Rivals between which the readings do not tell: the names of each cause, and the candidates for what
-/// is not explained.
+/// Rivals between which the readings do not decide: the names of each cause, no cause where it is not sure, and the
+/// candidates for what is not explained.
 fn open<'s, 'a>(study: &'s Study<'a>) -> Vec<Vec<Rival<'s, 'a>>> {
     let judged = &study.judged;
     let mut out: Vec<Vec<Rival<'s, 'a>>> = Vec::new();
@@ -152,7 +156,21 @@ fn open<'s, 'a>(study: &'s Study<'a>) -> Vec<Vec<Rival<'s, 'a>>> {
             let found = study.found.iter().find(|f| f.is_same_set(&names))?;
             Some(Rival::new(found, name))
         };
-        out.push(cause.names.iter().filter_map(rival).collect());
+        let mut rivals: Vec<Rival<'_, '_>> = cause.names.iter().filter_map(rival).collect();
+        if !cause.is_sure(study.question.policy) {
+            let others = |n: &Tried| {
+                let mut names = judged.set.names.iter().enumerate();
+                names.any(|(j, o)| j != k && PlumeModel::same_cause(o, n))
+            };
+            let mut found = study.found.iter();
+            let without = found.find(|f| f.names.iter().all(others));
+            rivals.extend(without.map(|found| Rival {
+                id: None,
+                platform: None,
+                found,
+            }));
+        }
+        out.push(rivals);
     }
     let candidates = judged.candidates.iter();
     let last =
@@ -164,7 +182,7 @@ fn open<'s, 'a>(study: &'s Study<'a>) -> Vec<Vec<Rival<'s, 'a>>> {
 impl<'s, 'a> Rival<'s, 'a> {
     fn new(found: &'s Found<PlumeModel<'a>>, name: &Tried) -> Self {
         Self {
-            id: name.part.id,
+            id: Some(name.part.id),
             platform: name.part.platform,
             found,
         }
@@ -295,12 +313,14 @@ impl<'s, 'a> Matter<'s, 'a> {
         let told = std::iter::once(self.first.id).chain(shown.iter().map(|k| self.others[*k].0.id));
         let platforms = self.study.data.track.platforms();
         Ok(NextFlight {
-            separates: told.map(|id| id.as_str().to_string()).collect(),
+            separates: told
+                .map(|id| id.map_or(NO_CAUSE, |id| id.as_str()).to_string())
+                .collect(),
             platform: self.platform.map(|p| platforms[p].clone()),
             description: if best.flies() {
                 words
             } else {
-                ground_check::recommend_ground_check(all, &words)
+                ground_check::recommend_ground_check(all.flatten(), &words)
             },
             waypoints: self.flight(&best.plan, best.length_s).waypoints(),
             expected_nats: least(|p| p.nats),

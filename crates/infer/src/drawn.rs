@@ -79,7 +79,7 @@ impl<'f, M: Catalogue> Drawn<'f, M> {
         for set in which.clone() {
             which.extend((0..found[set].names.len()).map(|k| drawn.without(set, k)));
         }
-        which.extend(found.iter().position(|f| f.names.is_empty()));
+        which.push(drawn.base());
         drawn.weigh(question, which)?;
         Ok(drawn)
     }
@@ -128,9 +128,24 @@ impl<'f, M: Catalogue> Drawn<'f, M> {
         self.sets.get(&set)
     }
 
-    /// The sets that were weighed.
-    pub fn weighed(&self) -> impl Iterator<Item = usize> {
-        self.sets.keys().copied()
+    /// The base: the set without names.
+    pub fn base(&self) -> usize {
+        let is_base = |f: &Found<M>| f.names.is_empty();
+        self.found.iter().position(is_base).unwrap_or(0)
+    }
+
+    /// The likeliest sets of those that were weighed, `most` at most and each with `least` of the probability.
+    pub fn likeliest(&self, most: usize, least: f64) -> Vec<usize> {
+        let weighed: Vec<usize> = self.sets.keys().copied().collect();
+        let mut order: Vec<(usize, f64)> = weighed
+            .iter()
+            .copied()
+            .zip(self.shares(&weighed))
+            .filter(|s| s.1 > least)
+            .collect();
+        order.sort_by(|a, b| b.1.total_cmp(&a.1));
+        order.truncate(most);
+        order.into_iter().map(|s| s.0).collect()
     }
 
     /// The likeliest set that was found with none but the names of a set without the one at `k`.

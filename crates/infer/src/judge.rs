@@ -10,6 +10,7 @@ use crate::parallel_map::parallel_map;
 use crate::policy::Policy;
 use crate::posterior::Posterior;
 use crate::probability::Features;
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// A name makes left-out passes significantly worse where that many of the draws say so: one side of
@@ -22,8 +23,8 @@ const NO_BETTER: f64 = 0.5;
 const MOST_WITHOUT_GAIN: f64 = 0.94;
 /// Fluctuation from which its law matters: a log-normal factor of this size has a skewness of one, a normal one none.
 const STRONG_FLUCTUATION: f64 = 0.3;
-/// The likeliest sets that are judged as they are, before names are struck one after another.
-const SETS_JUDGED: usize = 10;
+/// Most sets that are judged, the likeliest over passes drawn anew,
+const SETS_JUDGED: usize = 8;
 /// ... of those that are as probable as this over passes drawn anew.
 const LEAST_SHARE: f64 = 0.02;
 
@@ -137,8 +138,8 @@ impl Question<'_> {
         seed: u64,
     ) -> Result<Judgement<M>, InferError> {
         let passes = Passes::drawn(self.passes(&found[0])?, seed);
-        let mut considered = Vec::new();
-        let (set, causes, dropped) = self.standing(found, &passes, &mut considered)?;
+        let standing = self.standing(found, &passes)?;
+        let (set, dropped) = (found[standing.set].clone(), standing.dropped);
         let speaks_for = |c: &Cause<M::Tried>| c.gain > self.policy.rest_alone_nats;
         let is_doubted = dropped.iter().any(speaks_for);
         let rest = self.rest(&set, &passes.rows)?;
@@ -150,59 +151,58 @@ impl Question<'_> {
         };
         Ok(Judgement {
             set,
-            causes,
+            causes: standing.causes,
             dropped,
             is_doubted,
             rest,
             candidates,
             passes: passes.rows,
-            considered,
+            considered: standing.considered,
         })
     }
 
-    /// The likeliest set all of whose names stand, its causes, and what speaks for names that do not stand, the strongest
-    /// first. A name that fails gives way to its rivals, and then to the set without it.
-    #[allow(clippy::type_complexity, reason = "three things that belong together")]
+    /// Judges the likeliest sets until the base: from each the weakest name that does not stand is taken until all
+    /// of them do. Of what is left of each the set with the most names is the answer, the likeliest of these.
     fn standing<M: Catalogue>(
         &self,
         found: &[Found<M>],
         passes: &Passes,
-        considered: &mut Vec<Vec<Cause<M::Tried>>>,
-    ) -> Result<(Found<M>, Vec<Cause<M::Tried>>, Vec<Cause<M::Tried>>), InferError> {
+    ) -> Result<Standing<M>, InferError> {
         let mut drawn = Drawn::new(self, found, passes)?;
-        let weighed: Vec<usize> = drawn.weighed().collect();
-        let share = drawn.shares(&weighed);
-        let share_of = |set: &usize| share[weighed.iter().position(|s| s == set).unwrap_or(0)];
-        let mut likeliest = weighed.clone();
-        likeliest.sort_by(|a, b| share_of(b).total_cmp(&share_of(a)));
-        likeliest.truncate(SETS_JUDGED);
-        likeliest.retain(|set| *set == 0 || share_of(set) > LEAST_SHARE);
-        let mut dropped: Vec<Cause<M::Tried>> = Vec::new();
-        let mut next = likeliest.iter().copied();
-        let mut set = next.next().unwrap_or(0);
-        let mut causes;
-        loop {
-            causes = self.causes(&mut drawn, set)?;
-            considered.push(causes.clone());
-            let weakest = (0..causes.len())
-                .filter(|&k| !self.stands(&causes[k]))
-                .min_by(|a, b| causes[*a].probability.total_cmp(&causes[*b].probability));
-            let Some(k) = weakest else { break };
-            let cause = &causes[k];
-            if cause.by_evidence > 0.5 && cause.features.departs_sd > self.policy.departs_sd {
-                dropped.push(cause.clone());
-            }
-            set = next.next().unwrap_or_else(|| drawn.without(set, k));
-        }
-        let set = found[set].clone();
-        let is_stated = |name: &M::Tried| {
-            let mut names = causes.iter().flat_map(|c| &c.names);
-            names.any(|n| M::same_cause(&n.0, name))
+        let mut judged: BTreeMap<usize, Vec<Cause<M::Tried>>> = BTreeMap::new();
+        let mut out = Standing {
+            set: drawn.base(),
+            causes: Vec::new(),
+            dropped: Vec::new(),
+            considered: Vec::new(),
         };
-        dropped.retain(|d| !is_stated(&d.names[0].0));
-        dropped.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-        dropped.dedup_by(|a, b| M::same_cause(&a.names[0].0, &b.names[0].0));
-        Ok((set, causes, dropped))
+        for mut set in drawn.likeliest(SETS_JUDGED, LEAST_SHARE) {
+            if found[set].names.is_empty() {
+                break;
+            }
+            // What was judged before has been taken apart before.
+            while !found[set].names.is_empty() && !judged.contains_key(&set) {
+                let causes = self.causes(&mut drawn, set)?;
+                out.considered.push(causes.clone());
+                judged.insert(set, causes.clone());
+                let failed = (0..causes.len()).filter(|&k| !self.stands(&causes[k]));
+                let weakest =
+                    failed.min_by(|a, b| causes[*a].probability.total_cmp(&causes[*b].probability));
+                let Some(k) = weakest else {
+                    if causes.len() > out.causes.len() {
+                        (out.set, out.causes) = (set, causes);
+                    }
+                    break;
+                };
+                let cause = &causes[k];
+                if cause.by_evidence > 0.5 && cause.features.departs_sd > self.policy.departs_sd {
+                    out.dropped.push(cause.clone());
+                }
+                set = drawn.without(set, k);
+            }
+        }
+        out.forget_what_is_stated();
+        Ok(out)
     }
 
     /// Log evidence of the error of form, of more swing and of more noise than is tolerated beside the
@@ -472,6 +472,31 @@ impl Question<'_> {
             self.extended_plainly(&plain, name, amplitudes)
         };
         parallel_map(&chosen, fitted).into_iter().collect()
+    }
+}
+
+/// What is left of the likeliest sets.
+struct Standing<M: Catalogue> {
+    /// Index of the set that stands.
+    set: usize,
+    causes: Vec<Cause<M::Tried>>,
+    dropped: Vec<Cause<M::Tried>>,
+    considered: Vec<Vec<Cause<M::Tried>>>,
+}
+
+impl<M: Catalogue> Standing<M> {
+    /// Leaves of the names that were dropped those that no cause has, each once, the most probable first.
+    fn forget_what_is_stated(&mut self) {
+        let causes = &self.causes;
+        let is_stated = |name: &M::Tried| {
+            let mut names = causes.iter().flat_map(|c| &c.names);
+            names.any(|n| M::same_cause(&n.0, name))
+        };
+        self.dropped.retain(|d| !is_stated(&d.names[0].0));
+        self.dropped
+            .sort_by(|a, b| b.probability.total_cmp(&a.probability));
+        self.dropped
+            .dedup_by(|a, b| M::same_cause(&a.names[0].0, &b.names[0].0));
     }
 }
 

@@ -27,6 +27,7 @@ pub mod presence;
 pub mod progress;
 pub mod ranges;
 pub mod released;
+pub mod reports;
 pub mod resume;
 pub mod ros2;
 pub mod runtime;

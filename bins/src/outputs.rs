@@ -1,6 +1,6 @@
 //! What a run leaves behind: recording, tracks, summary, report and resolved scenario.
 
-use crate::{Failure, plume_lines, site};
+use crate::{Failure, plume_lines, reports, site};
 use anyhow::{Context as _, Result};
 use mission::{Setup, campaign};
 use protocol::bus::Publication;
@@ -251,7 +251,9 @@ impl Outputs {
         let written = [
             self.write("summary.json", || Ok(summary.to_json())),
             self.write("tracks.kml", || self.tracks_kml(&summary)),
-            self.write("report.html", || Ok(self.report.html(&summary))),
+            self.write("report.html", || {
+                Ok(reports::html(&self.report.page(&summary)))
+            }),
         ];
         let why = written.into_iter().filter_map(Result::err);
         failed.extend(why.map(|why| format!("{why:#}")));

@@ -2,7 +2,7 @@
 
 use crate::flights::fly_all;
 use crate::mission_files::LengthAndGas;
-use crate::{Failure, mission_files, ranges};
+use crate::{Failure, mission_files, ranges, reports};
 use record::campaign::folder::{self, CampaignFolder};
 use record::campaign::{MissionKey, MissionRow, Question, Shard, table};
 use record::files;
@@ -246,7 +246,7 @@ impl Fleet {
 /// Writes tables and report of the missions that there are.
 fn results(folder: &Path, question: &Question, rows: &[MissionRow]) -> Result<(), Failure> {
     let tables = tables(question, rows).map_err(Failure::input)?;
-    let page = campaign_report::page(question, rows);
+    let page = reports::html(&campaign_report::page(question, rows));
     let named = tables
         .iter()
         .map(|(name, bytes)| (folder.join(name), &bytes[..]));

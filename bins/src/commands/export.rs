@@ -3,7 +3,7 @@
 use crate::outputs::{TRACK_INTERVAL_S, TRACK_POINTS};
 use crate::progress::Waiting;
 use crate::ros2::Undulation;
-use crate::{Failure, importing, measured, mission_files, plume_lines, ranges, site};
+use crate::{Failure, importing, measured, mission_files, plume_lines, ranges, reports, site};
 use air::geo::LocalFrame;
 use clap::ValueEnum;
 use mission::{Setup, campaign};
@@ -51,6 +51,8 @@ pub enum Format {
     Ros2,
     /// Recording with Foxglove messages added (MCAP)
     Foxglove,
+    /// A report.html on paper; needs Chromium or Chrome
+    Pdf,
 }
 
 impl Format {
@@ -65,6 +67,7 @@ impl Format {
             Self::Kmz => ".kmz",
             Self::Ros2 => "-ros2",
             Self::Foxglove => "-foxglove.mcap",
+            Self::Pdf => ".pdf",
         }
     }
 }
@@ -73,7 +76,7 @@ impl Format {
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example: plumage export out/seed-7/mission.mcap --to geojson")]
 pub struct ExportArguments {
-    /// Recording of a mission (MCAP), or observations (CSV) from `plumage import`
+    /// Recording of a mission (MCAP), or observations (CSV) from `plumage import`; for pdf a report (HTML)
     pub file: PathBuf,
     /// Output format
     #[arg(long, value_name = "FORMAT")]
@@ -119,6 +122,9 @@ pub fn export(arguments: &ExportArguments) -> Result<(), Failure> {
             out.display()
         )));
     }
+    if arguments.to == Format::Pdf {
+        return print(&arguments.file, &out);
+    }
     let undulation_m = arguments.undulation.m();
     let waiting = Waiting::new("reading and writing");
     let source = Source::open(arguments)?;
@@ -136,10 +142,24 @@ pub fn export(arguments: &ExportArguments) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Prints a report.
+fn print(report: &Path, out: &Path) -> Result<(), Failure> {
+    if report.extension().is_none_or(|e| e != "html") || !report.is_file() {
+        return Err(Failure::usage(format!(
+            "{}: expected a report of Plumage (HTML) for --to pdf",
+            report.display()
+        )));
+    }
+    reports::pdf(report, out)?;
+    println!("Output: {}", out.display());
+    Ok(())
+}
+
 impl ExportArguments {
     /// The option that does not go with the format.
     fn unfit(&self, to_output: bool) -> Option<&'static str> {
-        let is_folder_or_recording = matches!(self.to, Format::Ros2 | Format::Foxglove);
+        let is_folder_or_recording =
+            matches!(self.to, Format::Ros2 | Format::Foxglove | Format::Pdf);
         if to_output && is_folder_or_recording {
             return Some("--out -");
         }
@@ -266,7 +286,7 @@ impl Source {
             }
             Format::Kml => self.kml(flown)?.into_bytes(),
             Format::Kmz => kmz::archive(&[(kmz::DOCUMENT, &self.kml(flown)?)])?,
-            Format::Ros2 | Format::Foxglove => Vec::new(),
+            Format::Ros2 | Format::Foxglove | Format::Pdf => Vec::new(),
         })
     }
 

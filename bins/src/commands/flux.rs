@@ -1,7 +1,8 @@
 //! `plumage flux`: the emission rate that measured observations show.
 
 use crate::progress::Waiting;
-use crate::{Failure, measured, mission_files};
+use crate::{Failure, measured, mission_files, reports};
+use formats::number::significant;
 use mission::Setup;
 use plume::Gas;
 use record::files;
@@ -9,6 +10,7 @@ use scenario::observations::{Observations, checks};
 use std::path::{Path, PathBuf};
 use study::flux::Method;
 use tasks::flux::{FluxReport, Input, Sheet, Tracer};
+use views::Document;
 use views::flux_report::{self, FluxPage};
 
 /// Arguments of `plumage flux`.
@@ -190,7 +192,7 @@ fn estimate(arguments: &EstimateArguments) -> Result<(), Failure> {
             refusals.join("; ")
         )));
     };
-    let page = page(&setup, &observations, &report, &sheet)?;
+    let page = reports::html(&page(&setup, &observations, &report, &sheet)?);
     write(
         &arguments.out,
         arguments.force,
@@ -216,7 +218,7 @@ fn page(
     observations: &Observations,
     report: &FluxReport,
     sheet: &Sheet,
-) -> Result<String, Failure> {
+) -> Result<Document, Failure> {
     let spec = setup.scenario.dispersion_spec().map_err(Failure::input)?;
     let frame = setup.scenario.frame().map_err(Failure::input)?;
     let checked = checks::check(observations, &spec, &frame);
@@ -276,7 +278,7 @@ fn combine(arguments: &CombineArguments) -> Result<(), Failure> {
     )?;
     for source in &combined.sources {
         let rate = source.mean.kg_s;
-        let g_s = |kg_s: f64| flux_report::three_figures(1e3 * kg_s);
+        let g_s = |kg_s: f64| significant(1e3 * kg_s);
         println!(
             "{} emits {} g/s of {} (95 % interval {} to {}): {}",
             source.name,

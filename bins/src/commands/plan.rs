@@ -3,14 +3,15 @@
 mod export;
 
 use crate::flights::fly_all;
-use crate::{Failure, mission_files, preflight};
-use mission::plan::{self, Forecast};
+use crate::{Failure, mission_files, preflight, reports};
+use formats::number::significant;
+use mission::plan::{self, Detectable, Expected, Forecast};
 use plume::Gas;
 use record::files;
-use record::text::significant;
 use scenario::pattern::Pattern;
 use scenario::tables::AirKind;
 use std::path::PathBuf;
+use views::Document;
 
 /// Air in the realities that are flown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -74,7 +75,7 @@ pub struct PlanArguments {
     /// Print plan.json, not text
     #[arg(long)]
     pub json: bool,
-    /// Folder for plan.json [default: write none]
+    /// Folder for plan.json and report.html [default: write none]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Write into a folder that is not empty, and replace earlier outputs
@@ -118,6 +119,8 @@ pub fn plan(arguments: &PlanArguments) -> Result<(), Failure> {
     if let Some(folder) = &arguments.out {
         files::prepare_folder(folder, arguments.force).map_err(Failure::input)?;
         files::write_whole(&folder.join("plan.json"), json.as_bytes())?;
+        let report = reports::html(&report(&setup.scenario.mission.name, &forecast));
+        files::write_whole(&folder.join("report.html"), report.as_bytes())?;
     }
     if arguments.json {
         print!("{json}");
@@ -127,13 +130,97 @@ pub fn plan(arguments: &PlanArguments) -> Result<(), Failure> {
     Ok(())
 }
 
+/// A least emission in words.
+fn kg_s(least: Option<f64>) -> String {
+    least.map_or("none".to_owned(), |least| {
+        format!("{} kg/s or more", significant(least))
+    })
+}
+
+/// How the missions' peaks end.
+fn endings(f: &Forecast) -> String {
+    let status: Vec<String> = f
+        .status
+        .iter()
+        .map(|(word, n)| format!("{word} in {n}"))
+        .collect();
+    let off = f
+        .peak_off_m
+        .map_or(String::new(), |m| format!("; median error {m:.0} m"));
+    format!("Peak: {}{off}.", status.join(", "))
+}
+
+/// When something is known, and when all are down.
+fn times(f: &Forecast) -> String {
+    let known = f
+        .known_s
+        .map_or("never".to_owned(), |s| format!("after {s:.0} s"));
+    format!(
+        "Time: the median mission first confirms or supports the peak {known}; its last vehicle lands after {:.0} s. \
+         All vehicles landed in {} of {} missions.",
+        f.down_s, f.all_landed, f.missions
+    )
+}
+
+/// The report of a plan.
+fn report(mission: &str, f: &Forecast) -> Document {
+    let mut page = Document::new("Plumage plan", mission);
+    page.lead(&[
+        format!(
+            "{} missions were simulated in realities drawn from what the scenario states as uncertain.",
+            f.missions
+        ),
+        format!(
+            "An emission is detected with a probability of {:.0} %: {}.",
+            100.0 * f.chance,
+            kg_s(f.least_kg_s)
+        ),
+        endings(f),
+    ]);
+    page.section("Detection");
+    let band = |band: &Detectable| {
+        let to = band
+            .to_m
+            .map_or("on".to_owned(), |to| format!("to {to:.0}"));
+        vec![
+            format!("{:.0} {to}", band.from_m),
+            format!("{:.0} to {:.0}", band.heights_agl_m.0, band.heights_agl_m.1),
+            format!("{:.0}", band.readings),
+            band.least_kg_s.map_or("none".to_owned(), significant),
+        ]
+    };
+    page.table(
+        "Least emission that readings at a distance from the source detect.",
+        &[
+            "distance, m",
+            "height AGL, m",
+            "readings",
+            "least emission, kg/s",
+        ],
+        &f.detectable.iter().map(band).collect::<Vec<_>>(),
+    );
+    page.section("Expected uncertainty");
+    let row = |e: &Expected| {
+        vec![
+            e.name.clone(),
+            significant(e.sd),
+            significant(e.error),
+            e.unit.clone(),
+        ]
+    };
+    page.table(
+        "Median of the stated standard deviation, and the error that missions had, as a standard deviation. An error far \
+         above what is stated: rely on the error.",
+        &["number", "stated ±", "error ±", "unit"],
+        &f.expected.iter().map(row).collect::<Vec<_>>(),
+    );
+    page.section("Time");
+    page.paragraph(&times(f));
+    page
+}
+
 fn tell(forecast: &Forecast) {
     let f = forecast;
-    let kg_s = |least: Option<f64>| {
-        least.map_or("none".to_owned(), |least| {
-            format!("{} kg/s or more", significant(least))
-        })
-    };
     println!(
         "Predicted from {} missions in realities drawn from [uncertain]:",
         f.missions
@@ -155,15 +242,7 @@ fn tell(forecast: &Forecast) {
             kg_s(band.least_kg_s)
         );
     }
-    let status: Vec<String> = f
-        .status
-        .iter()
-        .map(|(word, n)| format!("{word} in {n}"))
-        .collect();
-    let off = f
-        .peak_off_m
-        .map_or(String::new(), |m| format!("; median error {m:.0} m"));
-    println!("Peak: {}{off}.", status.join(", "));
+    println!("{}", endings(f));
     println!(
         "Expected uncertainty: median of the stated standard deviation, and the error that missions had:"
     );
@@ -177,12 +256,5 @@ fn tell(forecast: &Forecast) {
             e.unit
         );
     }
-    let known = f
-        .known_s
-        .map_or("never".to_owned(), |s| format!("after {s:.0} s"));
-    println!(
-        "Time: the median mission first confirms or supports the peak {known}; its last vehicle lands after {:.0} s. \
-         All vehicles landed in {} of {} missions.",
-        f.down_s, f.all_landed, f.missions
-    );
+    println!("{}", times(f));
 }

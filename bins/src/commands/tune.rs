@@ -2,7 +2,7 @@
 
 use crate::measured::{self, AircraftFile};
 use crate::progress::Bar;
-use crate::{Failure, ranges};
+use crate::{Failure, ranges, reports};
 use fdm::Aircraft;
 use fdm::tune::{TuneOrder, TuneReport, tune as search, with_gains};
 use record::files;
@@ -72,7 +72,7 @@ pub fn tune(arguments: &TuneArguments) -> Result<(), Failure> {
     );
     let toml = with_gains(&source.name, &source.text, &report.after.gains)?;
     let json = format!("{:#}\n", serde_json::to_value(&report)?);
-    let page = views::tune_report::page(&report, &name);
+    let page = reports::html(&views::tune_report::page(&report, &name));
     let write =
         |name: &str, text: &str| files::write_whole(&arguments.out.join(name), text.as_bytes());
     write(&name, &toml)?;

@@ -1,4 +1,4 @@
-//! File formats of third-party tools, each described once for its readers and writers.
+//! File formats of third-party tools and of numbers, each described once for its readers and writers.
 //!
 //! Input and output are bytes; this crate opens no files and knows nothing of missions.
 //!
@@ -8,6 +8,7 @@
 //! - [`delimited`]: CSV and its relatives, read row by row;
 //! - [`mcap_records`]: the records of an MCAP file, also of one that is damaged or cut short;
 //! - [`netcdf`]: NetCDF in its classic form;
+//! - [`number`]: numbers as text, to the digit that their uncertainty allows;
 //! - [`table`]: columns as CSV and as Parquet.
 
 pub mod binary;
@@ -16,4 +17,5 @@ pub mod cdr;
 pub mod delimited;
 pub mod mcap_records;
 pub mod netcdf;
+pub mod number;
 pub mod table;

@@ -28,6 +28,7 @@ pub fn summary_context(setup: &Setup) -> Result<SummaryContext, MissionError> {
     };
     Ok(SummaryContext {
         gas: scenario.gas(),
+        scenario: scenario.clone(),
         seed: scenario.mission.seed,
         team: scenario.vehicles.iter().map(|v| v.id.clone()).collect(),
         frame: setup.frame()?,

@@ -377,6 +377,13 @@ pub struct MechanismSetting {
 }
 
 impl MechanismSetting {
+    /// Its id with its value, where it has one parameter.
+    pub fn only_parameter(&self) -> Option<(&str, f64)> {
+        let mut values = self.parameters.values();
+        let value = values.next()?;
+        values.next().is_none().then_some((&self.id, *value))
+    }
+
     /// From what the catalogue has: an id, platforms, and parameters by name.
     pub fn new<'a>(
         id: &str,

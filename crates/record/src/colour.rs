@@ -57,6 +57,18 @@ impl Shown {
         })
     }
 
+    /// The same with its head at the highest reading where that is above it, in steps of half a power of ten.
+    pub fn reaching(self, highest_ppm: f64) -> Self {
+        let excess_ppm = highest_ppm - self.grey_ppm;
+        let step = 0.5 * 10f64.powf(excess_ppm.max(f64::MIN_POSITIVE).log10().floor());
+        let red_ppm = self.grey_ppm + (excess_ppm / step).ceil() * step;
+        if red_ppm > self.red_ppm {
+            Self { red_ppm, ..self }
+        } else {
+            self
+        }
+    }
+
     /// Its unit with the gas, for axes and legends: "CH4, ppm".
     pub fn axis(&self) -> String {
         format!("{}, {}", self.gas.formula(), Unit::Ppm.as_str())
@@ -158,6 +170,11 @@ mod tests {
         assert_eq!(of_reading(449.0), of_reading(450.0));
         assert_eq!(of_reading(2000.0), of_reading(840.0));
         assert_eq!(of_reading(f64::NAN), of_reading(450.0));
+        let reaching = |ppm: f64| Shown::CO2.reaching(ppm).red_ppm;
+        assert_eq!(
+            [3000.0, 700.0, f64::NAN].map(reaching),
+            [3450.0, 840.0, 840.0]
+        );
         let [r, g, b] = of_reading(840.0);
         assert!(r > 3 * g && r > 3 * b, "the top of the scale is red");
         let [r, g, b] = of_reading(450.0);

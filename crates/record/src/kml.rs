@@ -15,6 +15,7 @@ use crate::contour::PlumeLine;
 use crate::text;
 use crate::tracks::{TrackPoint, Tracks, VehicleTrack};
 use formats::calendar::rfc_3339;
+use formats::number::plus_minus;
 use protocol::message::Peak;
 use std::fmt::Write as _;
 use xml::{Written, Xml};
@@ -385,9 +386,9 @@ fn said(shown: &Shown, ppm: f64) -> String {
 fn peak(xml: &mut Xml, shown: &Shown, peak: &Peak) -> Written {
     let name = format!("Peak: {}", said(shown, peak.co2_ppm));
     let description = format!(
-        "{} ± {}, background included; {}",
-        shown.number(peak.co2_ppm),
-        said(shown, peak.sd_ppm),
+        "{} ppm {}, background included; {}",
+        plus_minus(peak.co2_ppm, peak.sd_ppm),
+        shown.gas.formula(),
         text::status(peak.status)
     );
     let at = [peak.lon_deg, peak.lat_deg, peak.alt_amsl_m];

@@ -7,6 +7,9 @@ use protocol::message::{
     Reading, State, VehicleKind,
 };
 use protocol::{Envelope, SimTime, Topic};
+use scenario::Scenario;
+use scenario::contradiction::{Contradiction, Corrected, Evidence};
+use scenario::tables::WindFollows;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -47,6 +50,21 @@ impl From<&Model> for ModelNumbers {
             sigma_y_scale: model.sigma_y_scale,
             sigma_z_scale: model.sigma_z_scale,
         }
+    }
+}
+
+impl ModelNumbers {
+    /// The same as a scenario is compared with it, of which c_MAX is `stated`.
+    fn corrected(&self, stated: Estimate) -> Corrected {
+        let values = [
+            self.background_ppm,
+            self.effective_height_agl_m,
+            self.axis_deg,
+            self.c_max_ppm,
+            self.sigma_y_scale,
+            self.sigma_z_scale,
+        ];
+        Corrected::new(values.map(|e| (e.value, e.sd)), stated.value)
     }
 }
 
@@ -209,7 +227,27 @@ pub struct PeakSummary {
     pub error_m: Option<f64>,
     /// Mission time at which the peak was first confirmed or supported, s; none where it never was.
     pub known_s: Option<f64>,
+    /// What a peak that is not found is told with.
+    #[serde(skip)]
+    pub missed: Missed,
 }
+
+/// Why no peak was found.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Missed {
+    /// No real vehicle read anything where the plume could be.
+    #[default]
+    NobodyNear,
+    /// Somebody was where it could be, and read clean air.
+    CleanAir,
+    /// Readings stand out of the background, and not as a plume that the model allows.
+    OtherShape,
+}
+
+/// A plume could be within so many standard deviations of its direction beforehand.
+const COULD_BE_SD: f64 = 3.0;
+/// A reading stands out of the background where it is so many standard deviations of the sensor above.
+const STANDS_OUT_SD: f64 = 10.0;
 
 /// A place and the mole fraction there.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -295,6 +333,8 @@ pub struct MissionSummary {
     pub model: ModelSummary,
     /// Extensions in force at the end, further sources that were found among them.
     pub mechanisms: Vec<MechanismSetting>,
+    /// Values of the scenario that readings contradict, the strongest contradiction first.
+    pub contradictions: Vec<Contradiction>,
 }
 
 impl MissionSummary {
@@ -318,6 +358,8 @@ pub fn with_gas(json: &str, gas: Gas) -> String {
 pub struct SummaryContext {
     /// The gas that is read.
     pub gas: Gas,
+    /// The scenario.
+    pub scenario: Scenario,
     /// Seed of the run.
     pub seed: u64,
     /// Ids of the team's vehicles.
@@ -356,6 +398,9 @@ pub struct Summariser {
     known_s: Option<f64>,
     gap: Option<GapSummary>,
     after: ModelNumbers,
+    evidence: Evidence,
+    /// Whether a real vehicle has read where the plume could be.
+    came_near: bool,
 }
 
 #[derive(Debug, Clone)]
@@ -381,6 +426,8 @@ impl Summariser {
             known_s: None,
             gap: None,
             after: context.before,
+            evidence: Evidence::new(&context.scenario),
+            came_near: false,
             context,
         }
     }
@@ -397,11 +444,20 @@ impl Summariser {
                 vehicle.airborne = (state.airborne, envelope.time);
             }
             (Topic::Reading(id), Message::Reading(reading)) => {
+                if reading.kind == VehicleKind::Real {
+                    self.came_near = self.came_near || self.could_be_at(reading);
+                    let wind = reading.wind_speed_m_s.zip(reading.wind_from_deg);
+                    self.evidence.read(reading.co2_ppm, wind);
+                }
                 self.vehicle(id.as_str(), reading.kind)
                     .read(reading.read_at(envelope.time), reading);
             }
             (Topic::Model, Message::Model(model)) => {
                 self.after = model.as_ref().into();
+                if model.observations > 0 {
+                    let corrected = self.after.corrected(self.context.before.c_max_ppm);
+                    self.evidence.correct(corrected);
+                }
                 self.peak = model.peak.or(self.peak);
                 self.flux.clone_from(&model.flux);
                 self.mechanisms.clone_from(&model.mechanisms);
@@ -411,6 +467,9 @@ impl Summariser {
                 }
             }
             (Topic::Extension, Message::Extension(said)) => {
+                let beside_model = said.mechanisms.iter().filter(|_| !said.adopt);
+                self.evidence
+                    .name(beside_model.filter_map(MechanismSetting::only_parameter));
                 self.gap = Some(GapSummary {
                     verdict: said.verdict.clone(),
                     causes: said.causes.clone(),
@@ -468,6 +527,7 @@ impl Summariser {
                 reality: self.context.reality,
             },
             mechanisms: self.mechanisms.clone(),
+            contradictions: self.evidence.contradictions(),
         }
     }
 }
@@ -496,7 +556,36 @@ impl Summariser {
             truth,
             error_m,
             known_s: self.known_s,
+            missed: self.missed(),
         }
+    }
+
+    fn missed(&self) -> Missed {
+        let (scenario, gas) = (&self.context.scenario, self.context.gas);
+        let out_ppm = STANDS_OUT_SD * scenario.sensor().noise_sd_ppm(gas);
+        let highest = self.highest_reading();
+        let stands_out =
+            |h: HighestReading| h.place.co2_ppm > self.after.background_ppm.value + out_ppm;
+        match highest.is_some_and(stands_out) {
+            true => Missed::OtherShape,
+            false if self.came_near => Missed::CleanAir,
+            false => Missed::NobodyNear,
+        }
+    }
+
+    /// Whether the plume could be at a place by what the scenario says of the wind.
+    fn could_be_at(&self, reading: &Reading) -> bool {
+        let scenario = &self.context.scenario;
+        let source = &scenario.sources[0];
+        let enu =
+            |lat_deg: f64, lon_deg: f64| self.context.frame.to_enu(Geodetic { lat_deg, lon_deg });
+        let bearing_deg =
+            enu(source.lat_deg, source.lon_deg).bearing_deg(enu(reading.lat_deg, reading.lon_deg));
+        let axis = self.context.before.axis_deg;
+        let off_deg = wrap_signed_deg(bearing_deg - axis.value).abs();
+        let weather = &scenario.weather;
+        let is_one = weather.series.is_none() && weather.follow == WindFollows::Scenario;
+        !is_one || off_deg <= COULD_BE_SD * axis.sd
     }
 
     fn highest_reading(&self) -> Option<HighestReading> {

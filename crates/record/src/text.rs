@@ -2,12 +2,14 @@
 
 use crate::colour::number;
 use crate::summary::{
-    CORRECTED, FluxSummary, GapSummary, HighestReading, MissionSummary, ModelNumber, ppm_of,
+    CORRECTED, FluxSummary, GapSummary, HighestReading, Missed, MissionSummary, ModelNumber, ppm_of,
 };
+use formats::number::{plus_minus, significant, value_and_sd};
 use plume::Gas;
 use protocol::message::{
     Estimate, Flux, FluxMethod, MechanismSetting, Peak, PeakStatus, VehicleKind, verdict_text,
 };
+use scenario::contradiction::Contradiction;
 use std::fmt::Write as _;
 
 /// What was found, and how far the model was and is from the stand-in's reality.
@@ -86,8 +88,16 @@ pub fn peak(summary: &MissionSummary) -> String {
     let estimate = |p: &Peak| estimate(gas, p);
     let mut text = match (peak.status, &peak.estimate) {
         (PeakStatus::NotFound, _) | (_, None) => {
-            "Not found: the real readings do not follow any plume that the model allows, so there is no peak to \
-             report.".to_owned()
+            let why = match peak.missed {
+                Missed::NobodyNear => "no reading was taken where the plume could be",
+                Missed::CleanAir => {
+                    "the real readings do not follow any plume that the model allows"
+                }
+                Missed::OtherShape => {
+                    "real readings stand out of the background, but not as any plume that the model allows"
+                }
+            };
+            format!("Not found: {why}, so there is no peak to report.")
         }
         (PeakStatus::Confirmed, Some(p)) => format!(
             "Found and confirmed: a peak of {}. Readings of real crossings near it agree with the prediction.",
@@ -97,10 +107,13 @@ pub fn peak(summary: &MissionSummary) -> String {
             "Found: a peak of {}. Real readings support it, but too few crossings are near it to confirm it.",
             estimate(p)
         ),
-        (PeakStatus::Doubtful, Some(p)) => format!(
-            "Doubtful: a peak of {}. Real readings contradict it or constrain it too little.",
-            estimate(p)
-        ),
+        (PeakStatus::Doubtful, Some(p)) => {
+            let why = match &summary.contradictions[..] {
+                [] => "Real readings contradict it or constrain it too little.".to_owned(),
+                found => contradictions(found),
+            };
+            format!("Doubtful: a peak of {}. {why}", estimate(p))
+        }
     };
     if let Some(HighestReading { place: at, .. }) = &peak.highest_reading {
         let _ = write!(
@@ -125,6 +138,16 @@ pub fn peak(summary: &MissionSummary) -> String {
     text
 }
 
+/// What of a scenario readings contradict, a sentence each.
+pub fn contradictions(found: &[Contradiction]) -> String {
+    let said = found.iter().map(|c| {
+        let mut letters = c.says.chars();
+        let first = letters.next().map(|c| c.to_uppercase().to_string());
+        first.unwrap_or_default() + letters.as_str() + "."
+    });
+    said.collect::<Vec<_>>().join(" ")
+}
+
 /// How far readings stand behind a peak, in a word.
 pub fn status(status: PeakStatus) -> &'static str {
     match status {
@@ -137,9 +160,8 @@ pub fn status(status: PeakStatus) -> &'static str {
 
 fn estimate(gas: Gas, peak: &Peak) -> String {
     format!(
-        "{} ± {} {} at {}, the highest value within the fence",
-        number(gas, peak.co2_ppm),
-        number(gas, peak.sd_ppm),
+        "{} {} at {}, the highest value within the fence",
+        plus_minus(peak.co2_ppm, peak.sd_ppm),
         ppm_of(gas),
         place(peak.lat_deg, peak.lon_deg, peak.alt_amsl_m)
     )
@@ -155,8 +177,19 @@ pub fn flux_method(method: FluxMethod) -> &'static str {
 
 /// What is emitted, a sentence for each source and way to find it.
 pub fn fluxes(summary: &MissionSummary) -> Vec<String> {
-    let added = summary.mechanisms.iter().filter_map(added_source);
-    let mut said: Vec<String> = added.chain(summary.flux.iter().map(flux)).collect();
+    let said = added_sources(summary).into_iter();
+    let said = said.chain(summary.flux.iter().map(flux));
+    said.chain(flux_notes(summary)).collect()
+}
+
+/// Where sources lie that readings showed beside the scenario's, a sentence each.
+pub fn added_sources(summary: &MissionSummary) -> Vec<String> {
+    summary.mechanisms.iter().filter_map(added_source).collect()
+}
+
+/// What limits the rates.
+pub fn flux_notes(summary: &MissionSummary) -> Vec<String> {
+    let mut said = Vec::new();
     let is = |method: FluxMethod| summary.flux.iter().any(|f| f.found.method == method);
     if summary.peak.status == PeakStatus::Doubtful && is(FluxMethod::Inference) {
         said.push("The flux by the corrected model is as doubtful as its peak.".to_owned());
@@ -196,16 +229,9 @@ fn flux(flux: &FluxSummary) -> String {
         format!("; {} in the stand-in's reality", significant(q))
     });
     format!(
-        "Flux of {source}: {} ± {} kg/s by {method}{reality}.",
-        significant(kg_s.value),
-        significant(kg_s.sd)
+        "Flux of {source}: {} kg/s by {method}{reality}.",
+        plus_minus(kg_s.value, kg_s.sd)
     )
-}
-
-/// A number with three digits that count.
-pub fn significant(value: f64) -> String {
-    let digits = (2.0 - value.abs().max(1e-9).log10().floor()).clamp(0.0, 9.0) as usize;
-    format!("{value:.digits$}")
 }
 
 /// What real readings show of the model.
@@ -252,19 +278,19 @@ fn figure(number: &ModelNumber, gas: Gas, value: f64) -> String {
 }
 
 fn without_reality(summary: &MissionSummary, real: usize) -> String {
-    let (model, gas) = (&summary.model, summary.gas);
+    let model = &summary.model;
     if real == 0 {
         return "Model: not corrected, since no real vehicle flew.".to_owned();
     }
     let mut text = "Model after the mission:".to_owned();
     for number in &CORRECTED {
         let Estimate { value, sd } = (number.of)(&model.after);
-        let (v, s) = (figure(number, gas, value), figure(number, gas, sd));
+        let [value, sd] = value_and_sd(value, sd);
         let _ = write!(
             text,
-            "\n  {:<17} {v:>7} ± {s} {}",
+            "\n  {:<17} {value:>7} ± {sd} {}",
             number.name,
-            number.unit_of(gas)
+            number.unit_of(summary.gas)
         );
     }
     text

@@ -21,6 +21,7 @@ fn known() -> SummaryContext {
     SummaryContext {
         seed: 7,
         gas: plume::Gas::Co2,
+        scenario: synthetic::scenario(449.0),
         team: (1..=6).map(|k| k.to_string()).collect(),
         frame: synthetic::frame(),
         before: numbers(130.0, 450.0),
@@ -66,7 +67,7 @@ fn the_summary_has_the_fields_of_its_schema() {
     assert_eq!(
         keys(&json),
         expect(
-            "digest flux gap gas mechanisms model peak real_time_factor schema seed sim_s vehicles wall_s"
+            "contradictions digest flux gap gas mechanisms model peak real_time_factor schema seed sim_s vehicles wall_s"
         )
     );
     assert_eq!(
@@ -113,6 +114,29 @@ fn the_summary_has_the_fields_of_its_schema() {
         text.contains("axis (towards)      130.0 ->   118.0"),
         "{text}"
     );
+}
+
+#[test]
+fn a_scenario_that_readings_contradict_is_listed_with_the_key() {
+    let found = |background_ppm: f64| {
+        let scenario = synthetic::scenario(background_ppm);
+        let mut summariser = Summariser::new(SummaryContext {
+            scenario,
+            ..known()
+        });
+        for (topic, envelope) in synthetic::mission(6000) {
+            // The corrections of this mission are made up, too.
+            if !matches!(topic, Topic::Model) {
+                summariser.take(&topic, &envelope);
+            }
+        }
+        summariser.summary("", 1.0).contradictions
+    };
+    assert_eq!(found(449.0), []);
+    let slipped = found(44.9);
+    assert_eq!(slipped[0].key, "background.co2_ppm");
+    assert_eq!(slipped[0].prior.value, 44.9);
+    assert!(slipped[0].posterior.value > 430.0, "{slipped:?}");
 }
 
 #[test]

@@ -10,6 +10,7 @@
 //! - [`realities`]: other ones, by name;
 //! - [`world`]: the plume model that a scenario describes;
 //! - [`uncertain`]: the priors of the parameters that the scenario marks as uncertain;
+//! - [`contradiction`]: values of a scenario that readings contradict;
 //! - [`observations`]: measured rows;
 //! - [`weather`]: reported weather;
 //! - [`random`]: the streams of random numbers of a run.
@@ -62,6 +63,7 @@
 pub mod airspace;
 pub mod bounds;
 pub mod check;
+pub mod contradiction;
 pub mod emission;
 mod gases;
 mod ground;

@@ -6,6 +6,7 @@
     reason = "a test may fail by a panic"
 )]
 
+mod contradiction;
 mod observations;
 mod peak;
 mod scenario;

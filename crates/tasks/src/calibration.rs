@@ -9,6 +9,7 @@ use scenario::Scenario;
 use scenario::airspace::Airspace;
 use scenario::observations::Observations;
 use serde_json::json;
+use study::Interval;
 use ws::calibration::offline::{self, OfflineCalibration};
 
 /// A scenario corrected by readings.
@@ -19,6 +20,8 @@ pub struct Calibration {
     /// The highest concentration where set-points may go, as it was when the plume was last met; none where the
     /// fence leaves no such place.
     pub peak: Option<Peak>,
+    /// The rate of the source, kg/s, where readings tell it.
+    pub emission: Option<Interval>,
     /// The text of `calibration.json`.
     pub json: String,
 }
@@ -55,6 +58,7 @@ pub fn of(
         json: with_gas(&format!("{document:#}\n"), gas),
         offline,
         peak,
+        emission,
     })
 }
 

@@ -23,8 +23,8 @@ function layOut(figure, width, state, top, height) {
   const panels = figure.panels.map((panel, k) => {
     const layers = panel.layers.filter(l => !l.name || !state.hidden.has(l.name)), zoom = state.zoom.get(panel.linked ?? `own ${k}`) ?? {};
     const p = { panel, layers, k, key: panel.linked ?? `own ${k}`, column: k % columns, row: Math.floor(k / columns), scale: figure.scale, labels: [] };
-    p.xRange = zoom.x ?? sharedRange(figure, panel, layers, state);
-    p.yRange = state.zoom.get(`y ${k}`)?.y ?? rangeOf(panel.y, "y", layers);
+    p.xRange = zoom.x ?? sharedRange(figure, panel, "x", layers, state);
+    p.yRange = state.zoom.get(`y ${k}`)?.y ?? sharedRange(figure, panel, "y", layers, state);
     return p;
   });
   const each = (width - GAP * (columns - 1)) / columns;
@@ -42,11 +42,12 @@ function layOut(figure, width, state, top, height) {
   return { panels, height: y };
 }
 
-/** Panels that are linked have one range across. */
-function sharedRange(figure, panel, layers, state) {
-  if (!panel.linked) return rangeOf(panel.x, "x", layers);
-  const linked = figure.panels.filter(other => other.linked === panel.linked);
-  return rangeOf(panel.x, "x", linked.flatMap(other => other.layers.filter(l => !l.name || !state.hidden.has(l.name))));
+/** Panels that are linked have one range across; linked maps, and panels of an upward axis that is shared, one upwards too. */
+function sharedRange(figure, panel, key, layers, state) {
+  const shares = key === "x" ? panel.linked : panel.y.shared ?? (panel.equal ? panel.linked : null);
+  if (!shares) return rangeOf(panel[key], key, layers);
+  const linked = figure.panels.filter(other => (key === "x" || !other.y.shared ? other.linked : other.y.shared) === shares);
+  return rangeOf(panel[key], key, linked.flatMap(other => other.layers.filter(l => !l.name || !state.hidden.has(l.name))));
 }
 
 /** What stands above and below a panel, and its height. */
@@ -111,7 +112,8 @@ function drawPanel(p, id) {
     tag("path", { d: lines.join(""), stroke: GRID, fill: "none" }),
     tag("g", { "clip-path": `url(#${clip})` }, layers),
     tag("path", { d: `M${p.left} ${p.top}V${bottom}H${p.left + p.w}${marks.join("")}`, stroke: FRAME, fill: "none" }),
-    panel.x.hidden ? "" : xs.map(([x, text]) => write(text, x, bottom + 17, { "text-anchor": "middle" })).join(""),
+    // The last number stays on the figure.
+    panel.x.hidden ? "" : xs.map(([x, text]) => write(text, Math.min(x, p.left + p.w + 12 - widthOf(text) / 2), bottom + 17, { "text-anchor": "middle" })).join(""),
     panel.x.hidden ? "" : write(titleOf(panel.x), p.left + p.w / 2, bottom + 17 + LINE, { "text-anchor": "middle" }),
     ys.map(([y, text], k) => p.namesAbove ? namesAbove(p, y, p.names[k]) : write(text, p.left - 8, y + 4, { "text-anchor": "end" })).join(""),
     heading(p), placeLabels(p), panel.wind ? wind(p) : "", beyond(p),

@@ -1,6 +1,7 @@
 // Layers of a panel: lines, bands, marks, bars, grids, rules and words.
 
 import { contourLines, paintGrid, plumeShade } from "./grid.js";
+import { numberText } from "./scale.js";
 import { DASHES, INK, LETTER, MARKS, markStyle, px, tag, widthOf, write } from "./svg.js";
 
 /** Colours that a scale of colours is drawn with: so many that no step is seen, so few that a path holds all points of one. */
@@ -81,7 +82,9 @@ export const LAYERS = {
       const to = Math.min(Math.max(value.at(end), horizontal ? p.left : p.top), horizontal ? p.left + p.w : p.top + p.h);
       const [low, length, thick] = [px(Math.min(zero, to)), px(Math.abs(to - zero)), px(Math.max(1, b - a))];
       const box = horizontal ? { x: low, width: length, y: px(a), height: thick } : { x: px(a), width: thick, y: low, height: length };
-      const text = horizontal && layer.texts?.[i] ? barText(layer.texts[i], p, zero, to, (a + b) / 2) : "";
+      // A bar that is cut off has its value.
+      const isCut = end < value.low || end > value.high, words = [layer.texts?.[i], isCut ? numberText(end, 3) : ""].filter(Boolean).join(", ");
+      const text = horizontal && words ? barText(words, p, zero, to, (a + b) / 2) : "";
       return tag("rect", { ...box, fill: layer.colours?.[i] ?? layer.colour }) + text;
     });
     return drawn.join("") + (layer.low ? errorBars(layer, p) : "");
@@ -151,8 +154,8 @@ function labelContour(lines, text, colour, p) {
   const inside = ([x, y]) => x > p.left + 16 && x < p.left + p.w - 16 && y > p.top + 10 && y < p.top + p.h - 10;
   const longest = lines.map(line => line.filter(inside)).sort((a, b) => b.length - a.length)[0];
   if (!longest?.length) return;
-  // Tried at several places of the line, that furthest to the side first.
-  const tries = [0, .5, .25, .75, .9, .1].map(part => longest[Math.floor(part * (longest.length - 1))]);
+  // Tried at several places of the line; near its ends it may stand at the source.
+  const tries = [.5, .25, .75, .9, .1, 0].map(part => longest[Math.floor(part * (longest.length - 1))]);
   p.labels.push({ text, tries, colour, small: true });
 }
 

@@ -4,7 +4,7 @@ import { $, known, clock, colourAt, degrees, distance, formula, number, topPpm }
 import { addPieces, arm, drawMap, listenMap, redrawTracks, showAll, zoom } from "./map.js";
 import { drawSection } from "./section.js";
 import { drawReadings } from "./readings.js";
-import { niceStep } from "./scale.js";
+import { plusMinus, upTo, valueAndSd } from "./scale.js";
 import { fillTeam, goTo, listenTeam, select, sure } from "./team.js";
 
 const PHASES = [["take-off", "Take-off"], ["preliminary", "Preliminary"], ["search", "Search"],
@@ -45,7 +45,7 @@ function take(message) {
   if (highest > topPpm()) {
     // The colours follow the readings, in few steps.
     const { grey_ppm } = known.site;
-    known.top = grey_ppm + niceStep(highest - grey_ppm);
+    known.top = grey_ppm + upTo(highest - grey_ppm);
     redrawTracks();
   }
   addPieces(grown);
@@ -57,10 +57,10 @@ function take(message) {
 function fillPeak() {
   const { live, site } = known, p = live.peak, big = $("peak-number"), rest = $("peak-rest");
   if (!p) { big.textContent = "no peak found yet"; rest.textContent = ""; return; }
-  big.textContent = `${p.ppm.toFixed(site.digits)} ± ${p.sd.toFixed(site.digits)} ppm`;
+  big.textContent = `${plusMinus(p.ppm, p.sd)} ppm, ${live.ended ? "" : "preliminary, "}${p.status}`;
   const from = site.stacks[0];
   const away = from ? `${distance(Math.hypot(p.e - from.e, p.n - from.n))} from ${from.name}, ` : "";
-  rest.textContent = `${p.status}; ${away}${(p.alt - site.ground_amsl_m).toFixed(0)} m AGL; ${degrees([p.lat, p.lon])}`;
+  rest.textContent = `${away}${(p.alt - site.ground_amsl_m).toFixed(0)} m AGL; ${degrees([p.lat, p.lon])}`;
 }
 
 function fillModel() {
@@ -69,13 +69,13 @@ function fillModel() {
   body.replaceChildren(...NUMBERS.map(([key, name, digits]) => {
     const row = document.createElement("tr"), shown = digits + more(key);
     const [before, now] = [live.before[key], live.model[key]];
-    for (const text of [name, number(before[0], shown), number(now[0], shown), number(now[1], shown + 1)]) row.insertCell().textContent = text;
+    for (const text of [name, number(before[0], shown), ...valueAndSd(...now)]) row.insertCell().textContent = text;
     return row;
   }));
   $("taken").textContent = `${live.model.observations} real readings used`;
   $("mechanisms").textContent = live.model.mechanisms.length ? "Extended by " + live.model.mechanisms.join(", ") : "";
   $("flux").textContent = live.model.flux.map(([source, method, value, sd]) =>
-    `${source}: ${Number(value.toPrecision(3))} ± ${Number(sd.toPrecision(2))} kg/s by ${method}`).join("; ") || "not measured yet";
+    `${source}: ${plusMinus(value, sd)} kg/s by ${method}`).join("; ") || "not measured yet";
 }
 
 function fillGap() {

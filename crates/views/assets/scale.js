@@ -6,6 +6,23 @@ export function niceStep(atLeast) {
   return [1, 2, 5, 10].map(k => k * ten).find(s => s >= atLeast * (1 - 1e-9)) || 10 * ten;
 }
 
+/** The next half of a power of ten that is not below a positive value: the steps in which colours follow readings. */
+export function upTo(value) {
+  const step = 0.5 * 10 ** Math.floor(Math.log10(Math.max(value, 1e-12)));
+  return Math.ceil(value / step) * step;
+}
+
+/** A value and its standard deviation, both to the second digit of the latter, as formats::number has them. */
+export function valueAndSd(value, sd) {
+  if (!Number.isFinite(value) || !(sd > 0 && sd < Infinity)) return [numberText(value, 3), numberText(sd, 3)];
+  const power = Number(sd.toExponential(1).split("e")[1]) - 1, unit = 10 ** Math.max(0, power);
+  const text = v => (Math.round(v / unit) * unit).toFixed(0), fraction = v => v.toFixed(Math.min(12, -power));
+  // What rounds to nothing has no sign.
+  return [value, sd].map(power < 0 ? fraction : text).map(t => written(t.replace(/^-(?=[0.]*$)/, "")));
+}
+
+export const plusMinus = (value, sd) => valueAndSd(value, sd).join(" ± ");
+
 const SUPERSCRIPT = { "-": "⁻", 0: "⁰", 1: "¹", 2: "²", 3: "³", 4: "⁴", 5: "⁵", 6: "⁶", 7: "⁷", 8: "⁸", 9: "⁹" };
 
 /** A number as people write it: with a minus sign, and with a power of ten where it would have too many digits. */

@@ -22,6 +22,7 @@ async fn main() {
     record::files::write_whole(&report, made_up::report(6000).0.as_bytes()).unwrap();
     let gap = folder.join("gap.html");
     let page = views::gap_report::plume("made up", &made_up::gap::json(), &made_up::gap::report());
+    let page = page.html(&views::Origin::default());
     record::files::write_whole(&gap, page.as_bytes()).unwrap();
     println!("reports: {} and {}", report.display(), gap.display());
 

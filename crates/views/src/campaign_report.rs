@@ -8,7 +8,7 @@ use record::campaign::table::{self, Group, MedianOf};
 use record::campaign::{FOUND_WITHIN_M, MissionRow, NEAR_M, Question};
 
 /// The report of the missions `rows`, in the order of `question`.
-pub fn page(question: &Question, rows: &[MissionRow]) -> String {
+pub fn page(question: &Question, rows: &[MissionRow]) -> Document {
     let groups = table::groups(rows);
     let mut page = Document::new("Plumage campaign", &question.mission);
     page.lead(&lead(question, rows));
@@ -49,10 +49,10 @@ pub fn page(question: &Question, rows: &[MissionRow]) -> String {
         page.paragraph(&format!("{name}: {}", group.endings()));
         page.table(&name, &table::STATED_HEAD, &group.stated_cells());
     }
-    page.finish()
+    page
 }
 
-fn lead(question: &Question, rows: &[MissionRow]) -> Vec<String> {
+fn lead(question: &Question, rows: &[MissionRow]) -> [String; 3] {
     let count =
         |n: usize, what: &str, many: &str| format!("{n} {}", if n == 1 { what } else { many });
     let of = question.missions().len();
@@ -64,11 +64,35 @@ fn lead(question: &Question, rows: &[MissionRow]) -> Vec<String> {
         count(question.vehicles.len(), "size", "sizes"),
         count(question.seeds.len(), "seed", "seeds"),
     );
-    let mut lead = vec![first];
-    if rows.len() < of {
-        lead.push(format!("{} of them are flown so far.", rows.len()));
-    }
-    lead
+    let done = match rows.len() < of {
+        true => format!("{first} {} of them are flown so far.", rows.len()),
+        false => first,
+    };
+    let groups = table::groups(rows);
+    let known = |g: &Group<'_>| g.count(|r| r.status.stands()) as f64 / g.rows.len() as f64;
+    let best = groups.iter().max_by(|a, b| known(a).total_cmp(&known(b)));
+    let found = best.map_or("No mission is flown yet.".to_owned(), |best| {
+        let stands = best.count(|r| r.status.stands());
+        format!(
+            "{} of {} missions of {} end with a confirmed or supported peak{}.",
+            stands,
+            best.rows.len(),
+            best.name(question),
+            if groups.len() > 1 {
+                ", the largest share"
+            } else {
+                ""
+            }
+        )
+    });
+    let stated = || rows.iter().flat_map(|r| &r.stated);
+    let worth = format!(
+        "{} of {} stated values are within two standard deviations of the truth of the simulated reality; 95 % are to be \
+         expected.",
+        stated().filter(|s| s.holds()).count(),
+        stated().count()
+    );
+    [done, found, worth]
 }
 
 /// A row of dots a group, with its median and the interval of that: of all missions, those to which it never happened

@@ -95,6 +95,9 @@ pub(crate) struct Axis {
     /// It goes no further than this; the panel then writes how many values lie beyond.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) limits: Option<[f64; 2]>,
+    /// Upward axes of one name have one range.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) shared: Option<&'static str>,
     /// The space below the lowest value does not go below this.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) floor: Option<f64>,
@@ -399,6 +402,40 @@ fn is_false(value: &bool) -> bool {
 )]
 fn is_zero(value: &f64) -> bool {
     *value == 0.0
+}
+
+/// Values with their intervals, a row each: name, value, low and high.
+pub(crate) fn intervals((name, unit): (&str, &str), rows: &[(String, [f64; 3])]) -> Figure {
+    let column = |k: usize| Column::new(rows.iter().map(|(_, values)| values[k]), 1e6);
+    let points = Points {
+        colour: Some(MODEL),
+        size: 9.0,
+        x: column(0),
+        y: Column::new((0..rows.len()).map(|k| k as f64), 1.0),
+        interval: Some(Interval {
+            along: "x",
+            low: column(1),
+            high: column(2),
+        }),
+        ..Points::default()
+    };
+    let panel = Panel {
+        x: Axis {
+            include: vec![0.0],
+            ..Axis::new(name, unit)
+        },
+        y: Axis {
+            names: Some(rows.iter().map(|row| row.0.clone()).collect()),
+            ..Axis::default()
+        },
+        layers: vec![Layer::Points(points)],
+        ..Panel::default()
+    };
+    Figure {
+        columns: 1,
+        panels: vec![panel],
+        scale: None,
+    }
 }
 
 /// The interval at which to take items so that at most about `most` of `count` are left.

@@ -1,8 +1,8 @@
 //! The figures of a report of an emission rate.
 
 use crate::figure::{
-    Axis, BASE, Bars, Column, Figure, INK, Interval, Layer, Line, MODEL, Panel, Points, Symbol,
-    Text, colour_of,
+    Axis, BASE, Bars, Column, Figure, INK, Layer, Line, MODEL, Panel, Points, Text, colour_of,
+    intervals,
 };
 use study::flux::SourceFlux;
 use study::{PassFlux, Share};
@@ -53,38 +53,12 @@ pub(crate) fn budget(shares: &[Share], name: &dyn Fn(&Share) -> String) -> Figur
 
 /// Rates with their intervals, one row a method.
 pub(crate) fn methods(rows: &[&SourceFlux]) -> Figure {
-    let rated: Vec<(&str, study::Interval)> = rows
-        .iter()
-        .rev()
-        .filter_map(|r| Some((r.method.name(), r.kg_s?)))
-        .collect();
-    let g_s =
-        |of: fn(&study::Interval) -> f64| Column::new(rated.iter().map(|r| 1e3 * of(&r.1)), 1e6);
-    let points = Points {
-        colour: Some(MODEL),
-        symbol: Symbol::Dot,
-        size: 9.0,
-        x: g_s(|r| r.value),
-        y: Column::new((0..rated.len()).map(|k| k as f64), 1.0),
-        interval: Some(Interval {
-            along: "x",
-            low: g_s(|r| r.low95),
-            high: g_s(|r| r.high95),
-        }),
-        ..Points::default()
-    };
-    one(Panel {
-        x: Axis {
-            floor: Some(0.0),
-            ..Axis::new("rate", "g/s")
-        },
-        y: Axis {
-            names: Some(rated.iter().map(|r| r.0.to_owned()).collect()),
-            ..Axis::default()
-        },
-        layers: vec![Layer::Points(points)],
-        ..Panel::default()
-    })
+    let rated = rows.iter().filter_map(|r| {
+        let rate = r.kg_s?;
+        let g_s = [rate.value, rate.low95, rate.high95].map(|kg_s| 1e3 * kg_s);
+        Some((r.method.name().to_owned(), g_s))
+    });
+    intervals(("rate", "g/s"), &rated.collect::<Vec<_>>())
 }
 
 /// What each pass stands for, in order of time.

@@ -3,6 +3,7 @@
 
 use crate::flux_figures as figures;
 use crate::html::{Document, number};
+use formats::number::{plus_minus, significant};
 use plume::Gas;
 use study::flux::{Conclusion, Refusal, SourceFlux};
 use study::units::RateUnit;
@@ -31,14 +32,11 @@ pub struct FluxPage<'a> {
 }
 
 /// The report.
-pub fn page(of: &FluxPage<'_>) -> String {
+pub fn page(of: &FluxPage<'_>) -> Document {
     let headline = of.conclusion.map(|c| &c.headline);
     let title = headline.map_or("Emission rate", |h| h.name.as_str());
     let mut page = Document::new("Plumage emission report", title);
-    page.headline(&headline.map_or_else(
-        || "No method applies to these observations.".to_owned(),
-        sentence,
-    ));
+    page.lead(&lead(of));
     sheet(&mut page, of);
     if let Some(conclusion) = of.conclusion {
         result(&mut page, &conclusion.headline);
@@ -51,7 +49,43 @@ pub fn page(of: &FluxPage<'_>) -> String {
     left_out(&mut page, of);
     files(&mut page, of);
     signature(&mut page);
-    page.finish()
+    page
+}
+
+/// What was measured, the rate, and what limits it.
+fn lead(of: &FluxPage<'_>) -> [String; 3] {
+    let rows: usize = of.inputs.iter().map(|i| i.2).sum();
+    let done = format!("{rows} rows of {} files were read.", of.inputs.len());
+    let Some(conclusion) = of.conclusion else {
+        let found = "No method applies to these observations.".to_owned();
+        return [
+            done,
+            found,
+            "The table of methods gives the reason of each.".to_owned(),
+        ];
+    };
+    let flux = &conclusion.headline;
+    let widest = flux
+        .budget
+        .iter()
+        .max_by(|a, b| a.share.total_cmp(&b.share));
+    let limits = widest.map_or(String::new(), |w| {
+        format!(
+            " Most of what is not known comes from the {} ({:.0} % of the variance).",
+            term(w),
+            100.0 * w.share
+        )
+    });
+    let checks = match conclusion.alternatives.len() {
+        0 => "No other method applies to check it.".to_owned(),
+        1 => "One other method checks it.".to_owned(),
+        n => format!("{n} other methods check it."),
+    };
+    [
+        done,
+        format!("{}.", sentence(flux)),
+        format!("{checks}{limits}"),
+    ]
 }
 
 /// The answer in a sentence.
@@ -59,7 +93,7 @@ pub fn sentence(flux: &SourceFlux) -> String {
     let gas = flux.gas.formula();
     let method = flux.method.name();
     let unit = unit_of(flux);
-    let show = |kg_s: f64| three_figures(unit.of_kg_s(kg_s, flux.gas));
+    let show = |kg_s: f64| significant(unit.of_kg_s(kg_s, flux.gas));
     match (flux.kg_s, flux.upper_limit_kg_s) {
         (Some(rate), _) => format!(
             "{} emits {} {} of {gas} (95 % interval {} to {}) by {method}",
@@ -88,19 +122,10 @@ fn unit_of(flux: &SourceFlux) -> RateUnit {
     }
 }
 
-/// Three significant figures.
-pub fn three_figures(value: f64) -> String {
-    if !value.is_finite() {
-        return "–".to_owned();
-    }
-    let digits = 2 - value.abs().max(f64::MIN_POSITIVE).log10().floor() as i32;
-    format!("{value:.*}", digits.clamp(0, 12) as usize)
-}
-
 fn in_units(gas: Gas, kg_s: f64) -> Vec<String> {
     RateUnit::ALL
         .iter()
-        .map(|unit| three_figures(unit.of_kg_s(kg_s, gas)))
+        .map(|unit| significant(unit.of_kg_s(kg_s, gas)))
         .collect()
 }
 
@@ -221,7 +246,7 @@ fn methods(page: &mut Document, conclusion: &Conclusion, refusals: &[Refusal]) {
         .iter()
         .map(|e| {
             let g_s =
-                |kg_s: Option<f64>| kg_s.map_or_else(|| "–".to_owned(), |q| three_figures(1e3 * q));
+                |kg_s: Option<f64>| kg_s.map_or_else(|| "–".to_owned(), |q| significant(1e3 * q));
             vec![
                 e.method.name().to_owned(),
                 g_s(e.kg_s.map(|r| r.value)),
@@ -275,7 +300,7 @@ fn passes(page: &mut Document, flux: &SourceFlux) {
             vec![
                 format!("{:.0} to {:.0}", p.from_s, p.to_s),
                 p.kg_s
-                    .map_or_else(|| "–".to_owned(), |q| three_figures(1e3 * q)),
+                    .map_or_else(|| "–".to_owned(), |q| significant(1e3 * q)),
                 format!("{:.0}", p.distance_m),
                 if p.used { "yes" } else { "no" }.to_owned(),
                 p.reason.clone().unwrap_or_default(),
@@ -294,16 +319,17 @@ fn wind(page: &mut Document, of: &FluxPage<'_>) {
     let used = of.conclusion.and_then(|c| c.headline.wind.as_ref());
     if let Some(wind) = used {
         page.paragraph(&format!(
-            "{} wind: {} m/s from {}° in the mean{}.",
+            "{} wind: {} m/s from {}° in the mean.",
             if wind.treatment == "logged" {
                 "Logged"
             } else {
                 "The scenario's"
             },
             number(wind.speed_m_s, 1),
-            number(wind.from_deg, 0),
-            wind.sd_deg
-                .map_or_else(String::new, |sd| format!(" (± {}°)", number(sd, 0)))
+            match wind.sd_deg {
+                Some(sd) => plus_minus(wind.from_deg, sd),
+                None => number(wind.from_deg, 0),
+            }
         ));
     }
     if of.winds.is_empty() {

@@ -11,6 +11,7 @@ pub use flight::flight;
 pub use tracer::tracer;
 
 use crate::html::{Document, number};
+use formats::number::{plus_minus, significant, value_and_sd};
 use gap::plume::{GapReport, Series};
 use gap::verdict::{
     BaseParameter, Cause, DataQuality, GapJson, HeldOut, Measured, NextFlight, Pair, Parameter,
@@ -26,7 +27,7 @@ const DETECTABLE: usize = 30;
 const MOST_SURE_PERCENT: f64 = 99.9;
 
 /// The report of an analysis of concentrations along tracks. `title` names the data.
-pub fn plume(title: &str, json: &GapJson, report: &GapReport) -> String {
+pub fn plume(title: &str, json: &GapJson, report: &GapReport) -> Document {
     let mut page = opening("Plumage gap report: plume and sensors", title, json);
     measured(&mut page, json, report);
     pairs(&mut page, json);
@@ -55,7 +56,7 @@ pub fn plume(title: &str, json: &GapJson, report: &GapReport) -> String {
         );
     }
     remains(&mut page, json);
-    page.finish()
+    page
 }
 
 /// The readings of the platform that departs most from the base.
@@ -137,7 +138,7 @@ fn measured(page: &mut Document, json: &GapJson, report: &GapReport) {
 
 /// Two sensors on one platform, held against each other.
 fn pairs(page: &mut Document, json: &GapJson) {
-    let stated = |m: &Measured| format!("{} ± {}", figure(m.value), figure(m.sd));
+    let stated = |m: &Measured| plus_minus(m.value, m.sd);
     let row = |p: &Pair| {
         vec![
             p.platforms[0].clone(),
@@ -201,7 +202,7 @@ fn misfit(series: &Series) -> f64 {
 }
 
 /// The report of an analysis of which only the verdict is known. `kind` and `title` name it.
-pub fn verdict(kind: &str, title: &str, json: &GapJson) -> String {
+pub fn verdict(kind: &str, title: &str, json: &GapJson) -> Document {
     let mut page = opening(kind, title, json);
     if !json.residual.is_empty() {
         page.section("Where the simulation deviates from the data");
@@ -209,7 +210,7 @@ pub fn verdict(kind: &str, title: &str, json: &GapJson) -> String {
     }
     name_extend_gain(&mut page, json);
     remains(&mut page, json);
-    page.finish()
+    page
 }
 
 /// The verdict as a sentence.
@@ -234,18 +235,29 @@ fn sentence(json: &GapJson) -> String {
         }
         Verdict::Unexplained => {
             let term = json.unexplained.as_ref().map_or("a misfit", |u| &u.term);
-            if causes.is_empty() {
-                format!(
-                    "The data deviate from the model, and no listed mechanism accounts for it: {term}."
-                )
-            } else {
-                format!(
-                    "The model {lacks}: {causes}. No listed mechanism accounts for the remaining deviation: {term}."
-                )
-            }
+            // The headline says no more than the verdict: causes of a part are in the section of causes.
+            let whole = if causes.is_empty() { "it" } else { "all of it" };
+            format!(
+                "The data deviate from the model, and no listed mechanism accounts for {whole}: {term}."
+            )
         }
         Verdict::Insufficient => "These data are too few or too weak to test the model.".to_owned(),
     }
+}
+
+/// What was compared, what was found, and how far the extended model is better.
+fn lead(title: &str, json: &GapJson, found: String) -> [String; 3] {
+    let done = format!("The data of {title} were compared with what the simulation predicts.");
+    let better = match json.gain.as_ref().map(|g| &g.held_out) {
+        Some(h) if h.rmse_before > 0.0 => format!(
+            " On data that had no part in the fit, the extended model is off by {} where the model of the scenario is off \
+             by {} (root mean square).",
+            significant(h.rmse_after),
+            significant(h.rmse_before)
+        ),
+        _ => String::new(),
+    };
+    [done, found, format!("{}{better}", json.summary)]
 }
 
 /// A number with its unit and what it is.
@@ -259,7 +271,7 @@ fn opening(kicker: &str, title: &str, json: &GapJson) -> Document {
         let unit = if json.gas.is_some() { "ppm" } else { "" };
         let what = "error (RMSE) on hold-out data, before and after".to_owned();
         (
-            format!("{} → {}", figure(before), figure(after)),
+            format!("{} → {}", significant(before), significant(after)),
             unit,
             what,
         )
@@ -270,8 +282,7 @@ fn opening(kicker: &str, title: &str, json: &GapJson) -> Document {
 /// The opening with `change` as what became of the error.
 fn opening_with(kicker: &str, title: &str, json: &GapJson, change: &[Card]) -> Document {
     let mut page = Document::new(kicker, title);
-    page.headline(&sentence(json));
-    page.lead(std::slice::from_ref(&json.summary));
+    page.lead(&lead(title, json, sentence(json)));
     let mut cards = Vec::new();
     if json.gain.is_some() {
         cards.extend_from_slice(change);
@@ -381,12 +392,9 @@ fn extended(page: &mut Document, json: &GapJson) {
         .filter(|c| c.is_sure())
         .flat_map(|c| &c.parameters)
         .map(|p| {
-            vec![
-                format!("{}.{}", p.mechanism, p.name),
-                figure(p.value),
-                figure(p.sd),
-                p.unit.clone(),
-            ]
+            let [value, sd] = value_and_sd(p.value, p.sd);
+            let name = format!("{}.{}", p.mechanism, p.name);
+            vec![name, value, sd, p.unit.clone()]
         })
         .collect();
     if parameters.is_empty() {
@@ -408,37 +416,19 @@ fn extended(page: &mut Document, json: &GapJson) {
 
 /// What was fitted of the base.
 fn base_table(page: &mut Document, json: &GapJson, caption: &str) {
-    let row = |b: &BaseParameter| vec![b.label(), figure(b.value), figure(b.sd), figure(b.prior)];
+    let row = |b: &BaseParameter| {
+        let [value, sd] = value_and_sd(b.value, b.sd);
+        vec![b.label(), value, sd, significant(b.prior)]
+    };
     let rows: Vec<Vec<String>> = json.base.iter().map(row).collect();
     page.table(caption, &["key", "value", "± 1 sd", "prior sd"], &rows);
-}
-
-/// Three significant digits.
-fn figure(value: f64) -> String {
-    if !value.is_finite() {
-        return number(value, 0);
-    }
-    let size = value.abs();
-    match size {
-        0.0 => "0".to_owned(),
-        s if !(1e-4..1e6).contains(&s) => format!("{value:.2e}"),
-        s => {
-            let digits = (2 - s.log10().floor() as i64).clamp(0, 7) as usize;
-            format!("{value:.digits$}")
-        }
-    }
 }
 
 fn cause_row(cause: &Cause) -> Vec<String> {
     let evidence = &cause.evidence;
     let size = |p: &Parameter| {
         let name = p.name.replace('_', " ");
-        format!(
-            "{name} {} ± {}{}",
-            figure(p.value),
-            figure(p.sd),
-            p.unit_after()
-        )
+        format!("{name} {}{}", plus_minus(p.value, p.sd), p.unit_after())
     };
     vec![
         set(cause),
@@ -456,10 +446,10 @@ fn cause_row(cause: &Cause) -> Vec<String> {
 }
 
 fn scores(h: &HeldOut) -> Vec<Vec<String>> {
-    let range = |[low, high]: [f64; 2]| format!("{} to {}", figure(low), figure(high));
+    let range = |[low, high]: [f64; 2]| format!("{} to {}", significant(low), significant(high));
     let row = |name: &str, values: [f64; 2], intervals: [String; 2], perfect: &str| {
         let mut row = vec![name.to_owned()];
-        row.extend(values.map(figure));
+        row.extend(values.map(significant));
         row.extend(intervals);
         row.push(perfect.to_owned());
         row
@@ -573,7 +563,7 @@ fn detectable(page: &mut Document, json: &GapJson) {
             .map(|d| {
                 vec![
                     format!("{}.{}", d.mechanism, d.parameter),
-                    figure(d.value),
+                    significant(d.value),
                     d.unit.clone(),
                 ]
             })

@@ -1,6 +1,6 @@
 //! Pieces of HTML that the reports share.
 
-use crate::figure::Figure;
+use crate::figure::{Figure, intervals};
 use std::fmt::Write as _;
 
 /// `text` with the characters that HTML gives a meaning, and those that would change how the rest is shown, replaced.
@@ -46,8 +46,23 @@ fn script() -> String {
     kept.flat_map(|line| [line, "\n"]).collect()
 }
 
-/// A report under way: sections with figures and tables, numbered as they come.
-pub(crate) struct Document {
+/// How a report was made, which is written below its title.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Origin {
+    /// The program's version.
+    pub version: String,
+    /// When the report was made (RFC 3339, UTC).
+    pub made: String,
+    /// The command that made it.
+    pub command: String,
+    /// Names of the files that were read, with their SHA-256.
+    pub inputs: Vec<(String, String)>,
+}
+
+/// A report: sections with figures and tables, numbered as they come.
+#[derive(Debug)]
+pub struct Document {
+    kicker: String,
     title: String,
     body: String,
     drawn: Vec<Figure>,
@@ -57,34 +72,28 @@ pub(crate) struct Document {
 
 impl Document {
     /// An empty document. `kicker` stands small above the title.
-    pub(crate) fn new(kicker: &str, title: &str) -> Self {
-        let (kicker, heading) = (escape(kicker), escape(title));
+    pub fn new(kicker: &str, title: &str) -> Self {
         Self {
+            kicker: kicker.to_owned(),
             title: title.to_owned(),
-            body: format!("<header><p class=\"kicker\">{kicker}</p><h1>{heading}</h1></header>\n"),
+            body: String::new(),
             drawn: Vec::new(),
             sections: 0,
             tables: 0,
         }
     }
 
-    /// The answer in one sentence, larger than what follows.
-    pub(crate) fn headline(&mut self, sentence: &str) {
-        let sentence = escape(sentence);
-        self.push(format_args!("<p class=\"headline\">{sentence}</p>\n"));
-    }
-
-    /// The abstract: one paragraph for each text.
-    pub(crate) fn lead(&mut self, paragraphs: &[String]) {
-        self.body.push_str("<section class=\"lead\">");
-        for text in paragraphs {
-            self.paragraph(text);
-        }
-        self.body.push_str("</section>\n");
+    /// The abstract, for a reader who reads nothing else: what was done, what came out, and how far to rely on it, a
+    /// sentence each.
+    pub fn lead(&mut self, sentences: &[String; 3]) {
+        let [done, found, worth] = sentences.each_ref().map(|s| escape(s));
+        self.push(format_args!(
+            "<section class=\"lead\"><p>{done}</p><p class=\"headline\">{found}</p><p>{worth}</p></section>\n"
+        ));
     }
 
     /// Large figures in a row: value, unit, label.
-    pub(crate) fn cards<U: AsRef<str>>(&mut self, cards: &[(String, U, String)]) {
+    pub fn cards<U: AsRef<str>>(&mut self, cards: &[(String, U, String)]) {
         self.body.push_str("<div class=\"cards\">");
         for (value, unit, label) in cards {
             let (value, unit, label) = (escape(value), escape(unit.as_ref()), escape(label));
@@ -96,20 +105,20 @@ impl Document {
     }
 
     /// A numbered section heading.
-    pub(crate) fn section(&mut self, heading: &str) {
+    pub fn section(&mut self, heading: &str) {
         self.sections += 1;
         let (number, heading) = (self.sections, escape(heading));
         self.push(format_args!("<h2><span>{number}</span> {heading}</h2>\n"));
     }
 
     /// A paragraph of plain text.
-    pub(crate) fn paragraph(&mut self, text: &str) {
+    pub fn paragraph(&mut self, text: &str) {
         let text = escape(text);
         self.push(format_args!("<p>{text}</p>\n"));
     }
 
     /// A list of plain texts.
-    pub(crate) fn list(&mut self, items: &[String]) {
+    pub fn list(&mut self, items: &[String]) {
         self.body.push_str("<ul>");
         for item in items {
             let item = escape(item);
@@ -129,7 +138,7 @@ impl Document {
     }
 
     /// A table with a caption. Cells after the first of a row stand to the right.
-    pub(crate) fn table(&mut self, caption: &str, head: &[&str], rows: &[Vec<String>]) {
+    pub fn table(&mut self, caption: &str, head: &[&str], rows: &[Vec<String>]) {
         self.tables += 1;
         let (number, caption) = (self.tables, escape(caption));
         self.push(format_args!(
@@ -144,7 +153,8 @@ impl Document {
         for row in rows {
             self.body.push_str("<tr>");
             for cell in row {
-                let cell = escape(cell);
+                // A value and its ± stay on one line.
+                let cell = escape(cell).replace(" ± ", "\u{a0}±\u{a0}");
                 self.push(format_args!("<td>{cell}</td>"));
             }
             self.body.push_str("</tr>");
@@ -152,12 +162,17 @@ impl Document {
         self.body.push_str("</tbody></table></div></figure>\n");
     }
 
-    /// The whole page, with style, figures and the script that draws these.
-    pub(crate) fn finish(self) -> String {
+    /// A figure of values with their intervals, a row each: name, value, low and high.
+    pub fn intervals(&mut self, caption: &str, axis: (&str, &str), rows: &[(String, [f64; 3])]) {
+        self.figure(intervals(axis, rows), caption);
+    }
+
+    /// The whole page, with style, figures and the script that draws these: one file that needs no other.
+    pub fn html(&self, origin: &Origin) -> String {
         format!(
             "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
-             <title>{title}</title><style>{style}</style></head><body><main>\n{body}</main>\n\
+             <title>{title}</title><style>{style}</style></head><body><main>\n{header}{body}</main>\n\
              <script type=\"application/json\" id=\"figures\">{figures}</script>\n\
              <script type=\"module\">\n{script}</script>\n</body></html>\n",
             title = escape(&self.title),
@@ -165,9 +180,31 @@ impl Document {
                 include_str!("../assets/report.css"),
                 include_str!("../assets/chart.css")
             ),
+            header = self.header(origin),
             body = self.body,
             figures = script_json(&self.drawn),
             script = script(),
+        )
+    }
+
+    fn header(&self, origin: &Origin) -> String {
+        let (kicker, heading) = (escape(&self.kicker), escape(&self.title));
+        let made = [
+            ("Plumage", &origin.version),
+            ("made", &origin.made),
+            ("by", &origin.command),
+        ];
+        let made = made.iter().filter(|(_, what)| !what.is_empty());
+        let made: Vec<String> = made
+            .map(|(by, what)| format!("{by} {}", escape(what)))
+            .collect();
+        let input = |(file, sha256): &(String, String)| {
+            format!("<br>{}: SHA-256 {}", escape(file), escape(sha256))
+        };
+        let inputs: String = origin.inputs.iter().map(input).collect();
+        format!(
+            "<header><p class=\"kicker\">{kicker}</p><h1>{heading}</h1><p class=\"origin\">{}{inputs}</p></header>\n",
+            made.join(", ")
         )
     }
 
@@ -211,7 +248,10 @@ mod tests {
             ..Figure::default()
         };
         document.figure(figure, nasty);
-        let page = document.finish();
+        let page = document.html(&Origin {
+            command: nasty.to_owned(),
+            ..Origin::default()
+        });
         assert!(!page.contains("alert(1)</script>"));
         assert_eq!(page.matches("</script>").count(), 2);
     }

@@ -40,6 +40,7 @@
 //! - [`campaign_report`]: `campaign.html` of many missions;
 //! - [`flux_report`]: `report.html` of an emission rate, with a sheet to sign;
 //! - [`tune_report`]: `report.html` of a tuning;
+//! - [`Document`]: what a report is made of;
 //! - [`tiles`]: raster tiles under the page's map, which [`mbtiles`] reads from a file;
 //! - [`site`]: the map they share.
 
@@ -60,6 +61,8 @@ pub mod server;
 pub mod site;
 pub mod tiles;
 pub mod tune_report;
+
+pub use html::{Document, Origin};
 
 /// Why a view could not be shown.
 #[derive(Debug, thiserror::Error)]

@@ -9,8 +9,8 @@ use crate::figure::Rounded;
 use crate::site::SiteMap;
 use news::{Piece, SentTracks};
 use protocol::message::{
-    ControlLevel, Estimate, Extension, Health, Message, Mode, Model, Peak, Phase, PromisingPoint,
-    Reading, Severity, State, VehicleKind,
+    ControlLevel, Estimate, Extension, Health, Message, Mode, Model, Peak, PeakStatus, Phase,
+    PromisingPoint, Reading, Severity, State, VehicleKind,
 };
 use protocol::text::printable;
 use protocol::{Envelope, SimTime, Topic};
@@ -173,7 +173,6 @@ impl LiveState {
             }
             (Topic::Plan, Message::Plan(plan)) => {
                 self.phase = Some(plan.phase);
-                self.peak = plan.peak.or(self.peak);
                 for a in &plan.assignments {
                     self.vehicle(&a.vehicle).purpose.clone_from(&a.purpose);
                 }
@@ -214,6 +213,11 @@ impl LiveState {
 
     fn take_model(&mut self, model: &Model) {
         let model = Arc::new(model.clone());
+        // As the summary has it, once the search has begun.
+        if self.phase.is_some_and(Phase::has_searched) {
+            let found = model.peak.filter(|p| p.status != PeakStatus::NotFound);
+            self.peak = model.peak.map_or(self.peak, |_| found);
+        }
         self.before.get_or_insert_with(|| Arc::clone(&model));
         self.model = Some(model);
         self.models += 1;

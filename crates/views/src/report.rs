@@ -5,9 +5,13 @@ mod figures;
 
 use crate::html::{Document, number};
 use crate::site::{MapPoint, SiteMap};
-use protocol::message::{ControlLevel, Message, Model, PeakStatus, Phase, Severity, VehicleKind};
+use formats::number::{plus_minus, significant};
+use protocol::message::{
+    ControlLevel, Estimate, Flux, Message, Model, Peak, PeakStatus, Phase, Severity, VehicleKind,
+};
 use protocol::{Envelope, SimTime, Topic};
-use record::summary::{CORRECTED, MissionSummary, ModelNumbers, Outcome, ppm_of};
+use record::colour::Shown;
+use record::summary::{CORRECTED, FluxSummary, MissionSummary, ModelNumbers, Outcome, ppm_of};
 use record::text;
 use record::tracks::{DecimatedSeries, Tracks, VehicleTrack};
 use scenario::airspace::SETPOINT_MARGIN_M;
@@ -17,6 +21,12 @@ use std::sync::Arc;
 const TRACK_POINTS: usize = 1200;
 /// Points of the history of a model's numbers.
 const HISTORY_POINTS: usize = 400;
+/// Passes that are listed.
+const MOST_PASSES: usize = 40;
+/// A vehicle is in the plume where the model predicts this part of the highest excess along its track.
+const IN_PLUME: f64 = 0.1;
+/// Half-width of a 95 % interval in standard deviations.
+const HALF95_SD: f64 = 1.96;
 /// Events that are listed.
 const EVENTS: usize = 30;
 
@@ -40,6 +50,7 @@ pub struct Report {
 /// What one real vehicle read, and what the model expected there before and after the mission.
 pub(crate) struct Expected<'a> {
     pub(crate) id: &'a str,
+    pub(crate) points: Vec<MapPoint>,
     pub(crate) time_s: Vec<f64>,
     pub(crate) read_ppm: Vec<f64>,
     pub(crate) before_ppm: Vec<f64>,
@@ -109,26 +120,156 @@ impl Report {
         }
     }
 
-    /// The report as one self-contained HTML page.
-    pub fn html(&self, summary: &MissionSummary) -> String {
+    /// The report.
+    pub fn page(&self, summary: &MissionSummary) -> Document {
         let mut page = Document::new("Plumage mission report", &self.site.mission);
         let expected = self.expected();
-        // The answer first, then how it was come by.
-        let mut first = vec![text::peak(summary)];
-        first.extend(text::fluxes(summary));
-        first.extend(summary.gap.as_ref().map(text::gap));
-        first.push(next(summary));
-        first.push(lead(summary));
-        page.lead(&first);
+        page.lead(&self.lead(summary));
         page.cards(&cards(summary));
         self.mission(&mut page, summary);
         self.map(&mut page, summary);
+        self.peak(&mut page, summary);
+        emission(&mut page, summary);
+        self.height_section(&mut page, summary);
+        self.passes(&mut page, summary, &expected);
         self.learned(&mut page, summary);
         self.readings(&mut page, &expected);
-        self.peak(&mut page, summary);
         self.remains(&mut page, summary, &expected);
         self.repeat(&mut page, summary);
-        page.finish()
+        page
+    }
+
+    /// What was done, what came out, and how far to rely on it.
+    fn lead(&self, summary: &MissionSummary) -> [String; 3] {
+        let real = summary.vehicles.iter();
+        let real = real.filter(|v| v.kind == VehicleKind::Real).count();
+        let simulated = summary.vehicles.len() - real;
+        let gas = summary.gas.formula();
+        let done = format!(
+            "{simulated} simulated and {real} real vehicles searched for the highest concentration of {gas} in the plume \
+             for {}.",
+            text::duration(summary.sim_s)
+        );
+        if !summary.contradictions.is_empty() {
+            let found = text::contradictions(&summary.contradictions[..1]);
+            let worth =
+                "Rely on no number of this mission before that value of the scenario is checked.";
+            return [done, found, worth.to_owned()];
+        }
+        let found = summary
+            .peak
+            .estimate
+            .map_or("No peak was found.".to_owned(), |peak| {
+                let rates = summary.flux.iter().map(|f| &f.found);
+                let rate = rates.min_by(|a, b| relative_sd(a).total_cmp(&relative_sd(b)));
+                let rate = rate.map_or(String::new(), |f| {
+                    format!(
+                        ", and {} emits {} kg/s",
+                        f.source,
+                        plus_minus(f.kg_s.value, f.kg_s.sd)
+                    )
+                });
+                format!(
+                    "The highest concentration where vehicles may fly is{} {} {}{}{rate}.",
+                    match peak.status {
+                        PeakStatus::Doubtful => " doubtfully",
+                        _ => "",
+                    },
+                    plus_minus(peak.co2_ppm, peak.sd_ppm),
+                    ppm_of(summary.gas),
+                    self.distance_m(&peak)
+                        .map_or(String::new(), |m| format!(", {m:.0} m from the source")),
+                )
+            });
+        let worth = match summary.peak.status {
+            PeakStatus::NotFound => text::peak(summary),
+            PeakStatus::Confirmed => {
+                "Readings of real crossings near it confirm this; each ± is one standard deviation."
+                    .to_owned()
+            }
+            PeakStatus::Supported => {
+                "Real readings support this, but too few crossings are near it to confirm it; \
+                                           each ± is one standard deviation."
+                    .to_owned()
+            }
+            PeakStatus::Doubtful => {
+                "Do not rely on this yet: real readings contradict it or constrain it too little."
+                    .to_owned()
+            }
+        };
+        [done, found, format!("{worth} {}", next(summary))]
+    }
+
+    /// Distance of a peak from the first source, m.
+    fn distance_m(&self, peak: &Peak) -> Option<f64> {
+        let source = self.site.stacks.first()?;
+        let source = self.site.enu(source.lat_deg, source.lon_deg);
+        Some(source.distance_m(self.site.enu(peak.lat_deg, peak.lon_deg)))
+    }
+
+    /// The plume in the vertical plane of its axis, with what was read near it.
+    fn height_section(&self, page: &mut Document, summary: &MissionSummary) {
+        let Some(model) = &self.after else { return };
+        page.section("Vertical section");
+        page.figure(
+            figures::section(&self.site, &self.tracks, model, &self.shown(summary)),
+            &format!(
+                "The plume of the final model in the vertical plane of its axis, with lines at {} ppm above background, \
+                 and the readings of real vehicles whose distance from that plane is at most {:.0} % of that from the \
+                 source.",
+                self.levels(),
+                100.0 * figures::ASIDE
+            ),
+        );
+    }
+
+    /// Crossings of the plume by real vehicles.
+    fn passes(&self, page: &mut Document, summary: &MissionSummary, expected: &[Expected<'_>]) {
+        let Some(model) = &self.after else { return };
+        let passes: Vec<Pass> = expected.iter().flat_map(|e| e.passes(model)).collect();
+        if passes.is_empty() {
+            return;
+        }
+        page.section("Passes through the plume");
+        let shown = |ppm: f64| number(ppm, summary.gas.digits());
+        let row = |p: &Pass| {
+            let at = &p.at;
+            let source = self.site.stacks.first();
+            let source = source.map(|s| self.site.enu(s.lat_deg, s.lon_deg));
+            vec![
+                p.vehicle.clone(),
+                format!("{} to {}", clock(p.from_s), clock(p.to_s)),
+                source.map_or(String::new(), |s| number(s.distance_m(at.at), 0)),
+                number(at.alt_amsl_m - self.site.frame.ground_amsl_m, 0),
+                shown(p.read_ppm),
+                shown(p.predicted_ppm),
+            ]
+        };
+        let rows: Vec<Vec<String>> = passes.iter().take(MOST_PASSES).map(row).collect();
+        let caption = format!(
+            "Passes of real vehicles where the final model predicts at least a tenth of its highest excess along their \
+             tracks, with the place of the highest reading: the first {} of {}. Points of a track are some seconds apart, \
+             so the highest reading of the mission may lie between them.",
+            rows.len(),
+            passes.len()
+        );
+        let head = [
+            "vehicle",
+            "time, min",
+            "distance, m",
+            "height AGL, m",
+            "highest read, ppm",
+            "highest predicted, ppm",
+        ];
+        page.table(&caption, &head, &rows);
+    }
+
+    /// Colours of readings that reach as far as these.
+    fn shown(&self, summary: &MissionSummary) -> Shown {
+        let read = summary.vehicles.iter().filter_map(|v| v.peak_ppm);
+        self.site
+            .shown
+            .reaching(read.fold(f64::NEG_INFINITY, f64::max))
     }
 
     fn mission(&self, page: &mut Document, summary: &MissionSummary) {
@@ -187,7 +328,14 @@ impl Report {
 
     fn map(&self, page: &mut Document, summary: &MissionSummary) {
         page.section("Where they flew");
-        let figure = figures::map(&self.site, &self.tracks, self.after.as_deref(), summary);
+        let shown = self.shown(summary);
+        let figure = figures::map(
+            &self.site,
+            &self.tracks,
+            self.after.as_deref(),
+            summary,
+            &shown,
+        );
         let reality = if self.site.reality.is_some() {
             " Dashed lines: the stand-in's reality at the same height, unknown to the team."
         } else {
@@ -218,13 +366,17 @@ impl Report {
              arrived. The simulated vehicles flew in the corrected plume."
         ));
         let model = &summary.model;
+        if let Some(reality) = &model.reality {
+            page.paragraph(&improvement(summary, reality));
+        }
+        if let Some(gap) = &summary.gap {
+            page.paragraph(&text::gap(gap));
+        }
         let rows: Vec<Vec<String>> = CORRECTED
             .iter()
             .map(|n| {
                 let digits = n.digits(summary.gas);
                 let (before, after) = ((n.of)(&model.before), (n.of)(&model.after));
-                let figure =
-                    |v: f64, sd: f64| format!("{} ± {}", number(v, digits), number(sd, digits + 1));
                 let unit = n.unit_of(summary.gas);
                 let name = if unit.is_empty() {
                     n.name.to_owned()
@@ -233,8 +385,8 @@ impl Report {
                 };
                 let mut row = vec![
                     name,
-                    figure(before.value, before.sd),
-                    figure(after.value, after.sd),
+                    plus_minus(before.value, before.sd),
+                    plus_minus(after.value, after.sd),
                 ];
                 if let Some(reality) = &model.reality {
                     let truth = (n.of)(reality).value;
@@ -306,25 +458,22 @@ impl Report {
     fn peak(&self, page: &mut Document, summary: &MissionSummary) {
         page.section("The peak");
         page.paragraph(&text::peak(summary));
-        if let Some(found) = summary.peak.estimate {
-            let from = self.site.stacks.first();
-            let distance = from.map(|s| {
-                let stack = self.site.enu(s.lat_deg, s.lon_deg);
-                stack.distance_m(self.site.enu(found.lat_deg, found.lon_deg))
-            });
-            if let Some(distance) = distance {
-                let keep_out_m = self.site.keep_out_radius_m;
-                let near = if keep_out_m > 0.0 {
-                    format!(
-                        " Set-points keep {SETPOINT_MARGIN_M:.0} m from the keep-out cylinder of {keep_out_m:.0} \
+        let distance_m = summary
+            .peak
+            .estimate
+            .and_then(|found| self.distance_m(&found));
+        if let Some(distance) = distance_m {
+            let keep_out_m = self.site.keep_out_radius_m;
+            let near = if keep_out_m > 0.0 {
+                format!(
+                    " Set-points keep {SETPOINT_MARGIN_M:.0} m from the keep-out cylinder of {keep_out_m:.0} \
                          m. Nearer the source the concentration on the axis is higher, but no vehicle may fly \
                          there."
-                    )
-                } else {
-                    String::new()
-                };
-                page.paragraph(&format!("It lies {distance:.0} m from the source.{near}"));
-            }
+                )
+            } else {
+                String::new()
+            };
+            page.paragraph(&format!("It lies {distance:.0} m from the source.{near}"));
         }
     }
 
@@ -382,6 +531,7 @@ impl Report {
                     .collect();
                 Expected {
                     id,
+                    points: points.clone(),
                     time_s: readings.iter().map(|p| p.time_s).collect(),
                     read_ppm: readings.iter().map(|p| p.co2_ppm).collect(),
                     before_ppm: (self.site.field)(before, &points),
@@ -421,7 +571,56 @@ impl Report {
     }
 }
 
+/// Mission time as minutes and seconds.
+fn clock(time_s: f64) -> String {
+    let whole = time_s.max(0.0).round() as u64;
+    format!("{}:{:02}", whole / 60, whole % 60)
+}
+
+/// A stretch of a track within the plume.
+struct Pass {
+    vehicle: String,
+    from_s: f64,
+    to_s: f64,
+    /// Where the most was read.
+    at: MapPoint,
+    read_ppm: f64,
+    predicted_ppm: f64,
+}
+
 impl Expected<'_> {
+    /// The stretches where `model`, that after the mission, predicts at least a part of its highest excess.
+    fn passes(&self, model: &Model) -> Vec<Pass> {
+        let excess = |k: usize| self.after_ppm[k] - model.background_ppm.value;
+        let highest = (0..self.time_s.len()).map(excess).fold(0.0, f64::max);
+        let is_within = |k: &usize| highest > 0.0 && excess(*k) >= IN_PLUME * highest;
+        let mut passes: Vec<Pass> = Vec::new();
+        let mut last: Option<usize> = None;
+        for k in (0..self.time_s.len()).filter(is_within) {
+            let (time_s, read_ppm) = (self.time_s[k], self.read_ppm[k]);
+            let goes_on = last.is_some_and(|l| l + 1 == k);
+            last = Some(k);
+            match passes.last_mut().filter(|_| goes_on) {
+                Some(pass) => {
+                    pass.to_s = time_s;
+                    pass.predicted_ppm = pass.predicted_ppm.max(self.after_ppm[k]);
+                    if read_ppm > pass.read_ppm {
+                        (pass.read_ppm, pass.at) = (read_ppm, self.points[k]);
+                    }
+                }
+                None => passes.push(Pass {
+                    vehicle: self.id.to_owned(),
+                    from_s: time_s,
+                    to_s: time_s,
+                    at: self.points[k],
+                    read_ppm,
+                    predicted_ppm: self.after_ppm[k],
+                }),
+            }
+        }
+        passes
+    }
+
     /// Root mean square of reading minus `expected_ppm`, ppm.
     fn rms(&self, expected_ppm: &[f64]) -> f64 {
         let squares = self
@@ -444,36 +643,23 @@ fn phase_name(phase: Phase) -> &'static str {
     }
 }
 
-fn lead(summary: &MissionSummary) -> String {
-    let real = summary
-        .vehicles
-        .iter()
-        .filter(|v| v.kind == VehicleKind::Real)
-        .count();
-    let simulated = summary.vehicles.len() - real;
-    let mut text = format!(
-        "{simulated} simulated and {real} real vehicles searched for the highest concentration of \
-         a plume for {}.",
-        text::duration(summary.sim_s)
-    );
-    if let Some(reality) = &summary.model.reality {
-        let errors = CORRECTED.iter().take(3).map(|n| {
-            let truth = (n.of)(reality).value;
-            let error = |m: &ModelNumbers| n.error((n.of)(m).value, truth).abs();
-            format!(
-                "{} from {} to {} {}",
-                n.name,
-                number(error(&summary.model.before), n.digits(summary.gas)),
-                number(error(&summary.model.after), n.digits(summary.gas)),
-                n.unit_of(summary.gas)
-            )
-        });
-        text += &format!(
-            " With the readings of the real ones, the model's error against their reality changed: {}.",
-            errors.collect::<Vec<_>>().join(", ")
-        );
-    }
-    text
+/// By how much readings changed the model's error against a reality that is known.
+fn improvement(summary: &MissionSummary, reality: &ModelNumbers) -> String {
+    let errors = CORRECTED.iter().take(3).map(|n| {
+        let truth = (n.of)(reality).value;
+        let error = |m: &ModelNumbers| n.error((n.of)(m).value, truth).abs();
+        format!(
+            "{} from {} to {} {}",
+            n.name,
+            number(error(&summary.model.before), n.digits(summary.gas)),
+            number(error(&summary.model.after), n.digits(summary.gas)),
+            n.unit_of(summary.gas)
+        )
+    });
+    format!(
+        "With the readings of the real vehicles, the model's error against their reality changed: {}.",
+        errors.collect::<Vec<_>>().join(", ")
+    )
 }
 
 /// The recommended next step after this answer.
@@ -502,7 +688,51 @@ fn next(summary: &MissionSummary) -> String {
             "fly a longer mission or more real vehicles to reduce the uncertainty".to_owned()
         }
     };
-    format!("What to do next: {text}.")
+    format!("Next: {text}.")
+}
+
+fn relative_sd(flux: &Flux) -> f64 {
+    flux.kg_s.sd / flux.kg_s.value
+}
+
+/// What the sources emit, by each method.
+fn emission(page: &mut Document, summary: &MissionSummary) {
+    if summary.flux.is_empty() {
+        return;
+    }
+    page.section("Emission rate");
+    let row = |f: &FluxSummary| {
+        let Estimate { value, sd } = f.found.kg_s;
+        let half = HALF95_SD * sd;
+        vec![
+            f.found.source.clone(),
+            text::flux_method(f.found.method).to_owned(),
+            plus_minus(value, sd),
+            format!(
+                "{} to {}",
+                significant((value - half).max(0.0)),
+                significant(value + half)
+            ),
+            f.truth_kg_s.map_or("unknown".to_owned(), significant),
+        ]
+    };
+    let rows: Vec<Vec<String>> = summary.flux.iter().map(row).collect();
+    page.table(
+        "Emission rates with one standard deviation, by each method that applies.",
+        &[
+            "source",
+            "method",
+            "rate, kg/s",
+            "95 % interval, kg/s",
+            "reality, kg/s",
+        ],
+        &rows,
+    );
+    let mut notes = text::added_sources(summary);
+    notes.extend(text::flux_notes(summary));
+    if !notes.is_empty() {
+        page.list(&notes);
+    }
 }
 
 fn cards(summary: &MissionSummary) -> Vec<(String, String, String)> {
@@ -510,7 +740,7 @@ fn cards(summary: &MissionSummary) -> Vec<(String, String, String)> {
     if let Some(peak) = summary.peak.estimate {
         let label = format!("peak, {}", text::status(summary.peak.status));
         let unit = ppm_of(summary.gas);
-        cards.push((number(peak.co2_ppm, summary.gas.digits()), unit, label));
+        cards.push((plus_minus(peak.co2_ppm, peak.sd_ppm), unit, label));
     }
     if let Some(error_m) = summary.peak.error_m {
         cards.push((
@@ -521,15 +751,10 @@ fn cards(summary: &MissionSummary) -> Vec<(String, String, String)> {
     }
     for n in CORRECTED.iter().take(3) {
         let after = (n.of)(&summary.model.after);
-        let label = format!(
-            "{} ± {}",
-            n.name,
-            number(after.sd, n.digits(summary.gas) + 1)
-        );
         cards.push((
-            number(after.value, n.digits(summary.gas)),
+            plus_minus(after.value, after.sd),
             n.unit_of(summary.gas),
-            label,
+            n.name.to_owned(),
         ));
     }
     cards

@@ -8,7 +8,7 @@ use fdm::tune::{Judged, LoopMargin, TuneReport};
 use serde_json::Value;
 
 /// The report. `file` is the name of the aircraft file that lies beside it.
-pub fn page(report: &TuneReport, file: &str) -> String {
+pub fn page(report: &TuneReport, file: &str) -> Document {
     let mut page = Document::new("Plumage tuning report", &report.aircraft);
     page.lead(&lead(report, file));
     page.cards(&cards(report));
@@ -19,10 +19,10 @@ pub fn page(report: &TuneReport, file: &str) -> String {
     robustness(&mut page, report);
     remains(&mut page, report);
     repeat(&mut page, report, file);
-    page.finish()
+    page
 }
 
-fn lead(report: &TuneReport, file: &str) -> Vec<String> {
+fn lead(report: &TuneReport, file: &str) -> [String; 3] {
     let (before, after) = (&report.before, &report.after);
     let first = if report.changed {
         format!(
@@ -37,26 +37,34 @@ fn lead(report: &TuneReport, file: &str) -> Vec<String> {
          file are kept."
             .to_owned()
     };
-    let mut lead = vec![format!(
-        "{first} {file} has the aircraft with these gains, ready to fly."
-    )];
-    if !before.has_margins {
-        lead.push(format!(
-            "On this aircraft, the gains of the file do not keep {} dB and {}° in every loop, so they were not \
-             eligible.",
-            number(report.required.gain_db, 0),
-            number(report.required.phase_deg, 0)
-        ));
-    }
-    if !report.mechanism.is_empty() {
-        let names: Vec<String> = report.mechanism.iter().map(mechanism).collect();
-        lead.push(format!(
-            "The simulated aircraft includes the mechanisms found in a measured flight: {}. The autopilot uses \
-             the description without them.",
-            names.join("; ")
-        ));
-    }
-    lead
+    let done = match &report.mechanism[..] {
+        [] => format!(
+            "The gains of the autopilot of {} were tuned in simulated flights.",
+            report.aircraft
+        ),
+        found => format!(
+            "The gains of the autopilot of {} were tuned in simulated flights with the mechanisms found in a measured \
+             flight: {}.",
+            report.aircraft,
+            found.iter().map(mechanism).collect::<Vec<_>>().join("; ")
+        ),
+    };
+    let margins = format!(
+        "{} dB and {}°",
+        number(report.required.gain_db, 0),
+        number(report.required.phase_deg, 0)
+    );
+    let worth = if before.has_margins {
+        format!(
+            "{file} has the aircraft with these gains, ready to fly; every loop keeps margins of {margins}."
+        )
+    } else {
+        format!(
+            "{file} has the aircraft with these gains, ready to fly; the gains of the file do not keep margins of {margins} \
+             in every loop, so they were not eligible."
+        )
+    };
+    [done, first, worth]
 }
 
 fn mechanism(mechanism: &fdm::mechanism::Mechanism) -> String {

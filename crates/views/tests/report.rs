@@ -19,16 +19,34 @@ fn it_is_one_page_that_needs_no_network() {
         "Correction of the model",
         "Readings and predictions",
         "The peak",
+        "Vertical section",
+        "Passes through the plume",
         "Limits of this result",
         "How to repeat this",
     ] {
         assert!(own.contains(heading), "{heading}");
     }
     assert!(own.contains(&summary.digest));
-    assert_eq!(own.matches("class=\"plot\"").count(), 3);
-    assert_eq!(figures(&page).len(), 3);
+    assert_eq!(own.matches("class=\"plot\"").count(), 4);
+    assert_eq!(figures(&page).len(), 4);
     assert!(!page.lines().any(|line| line.starts_with("import ")));
     assert!(!page.contains("NaN ppm") && !own.contains(">NaN"));
+}
+
+#[test]
+fn a_report_names_what_made_it_and_begins_with_three_sentences() {
+    let document = views::gap_report::verdict("flight", "made up", &crate::made_up::gap::json());
+    let page = document.html(&views::Origin {
+        version: "1.2.3".to_owned(),
+        made: "2026-11-29T10:00:00Z".to_owned(),
+        command: "plumage gap plume <log>".to_owned(),
+        inputs: vec![("log.csv".to_owned(), "ab12".to_owned())],
+    });
+    let origin = "Plumage 1.2.3, made 2026-11-29T10:00:00Z, by plumage gap plume &lt;log&gt;<br>log.csv: SHA-256 ab12";
+    assert!(page.contains(origin), "{page}");
+    let lead = page.split("<section class=\"lead\">").nth(1).unwrap();
+    let lead = lead.split("</section>").next().unwrap();
+    assert_eq!(lead.matches("<p").count(), 3);
 }
 
 #[test]
@@ -43,7 +61,8 @@ fn a_gap_report_shows_names_extends_gains_and_says_what_remains() {
         "made up",
         &crate::made_up::gap::json(),
         &crate::made_up::gap::report(),
-    );
+    )
+    .html(&views::Origin::default());
     let own = page.split("<script").next().unwrap();
     for words in [
         "Where the simulation deviates from the data",
@@ -68,5 +87,6 @@ fn a_gap_report_shows_names_extends_gains_and_says_what_remains() {
 #[test]
 fn a_verdict_alone_has_a_report_too() {
     let page = views::gap_report::verdict("flight", "made up", &crate::made_up::gap::json());
+    let page = page.html(&views::Origin::default());
     assert!(page.contains("Causes") && page.contains("made up"));
 }

@@ -19,6 +19,7 @@ use protocol::{Agent, AgentId, Event, Interest, Message, Outbox, Pauses, SimTime
 use rand::rngs::ChaCha8Rng;
 use scenario::Scenario;
 use scenario::airspace::{Airspace, SETPOINT_MARGIN_M};
+use scenario::contradiction::{Corrected as CorrectedValues, Evidence};
 use scenario::random::stream;
 use scenario::tables::{VehicleKind, WindFollows};
 use scenario::uncertain::Uncertain;
@@ -73,6 +74,11 @@ pub struct WorldSimulator {
     /// Where the mission is, by the plan.
     phase: Phase,
     airspace: Airspace,
+    /// What speaks against the scenario's values, and the keys of those that it was told of last.
+    evidence: Evidence,
+    contradicted: Vec<String>,
+    /// c_MAX as the scenario has it, ppm.
+    stated_c_max_ppm: f64,
     /// The peak of the model as it was corrected last.
     peak: Option<Peak>,
     /// What the sources emit, as it was found last.
@@ -127,6 +133,7 @@ impl WorldSimulator {
                 })
             })
             .collect::<Result<Vec<_>, WsError>>()?;
+        let stated_c_max_ppm = calibrator.calibrated().c_max_ppm.value;
         let follow = scenario.weather.follow == WindFollows::Reported;
         let world = DispersionModel::new(calibrator.corrected_spec())?;
         Ok(Self {
@@ -142,6 +149,9 @@ impl WorldSimulator {
             calibrator,
             gap: LiveGap::new(scenario)?,
             phase: Phase::TakeOff,
+            evidence: Evidence::new(scenario),
+            contradicted: Vec::new(),
+            stated_c_max_ppm,
             peak: None,
             flux: Vec::new(),
             wind_sd_m_s: scenario
@@ -200,7 +210,9 @@ impl WorldSimulator {
             lon_deg: reading.lon_deg,
         };
         let place = Place::from_geodetic(&self.frame, at, reading.alt_amsl_m);
-        if let (Some(speed), Some(from)) = (reading.wind_speed_m_s, reading.wind_from_deg) {
+        let reported = reading.wind_speed_m_s.zip(reading.wind_from_deg);
+        self.evidence.read(reading.co2_ppm, reported);
+        if let Some((speed, from)) = reported {
             let wind = WindVector::from_speed_and_direction(speed, from);
             self.wind.report(time_s, place.height_agl_m, wind);
         }
@@ -289,6 +301,19 @@ impl WorldSimulator {
         match found.corrected {
             Ok(corrected) => {
                 self.calibrator.adopt(*corrected.calibrator);
+                let found = self.calibrator.calibrated();
+                self.evidence.correct(CorrectedValues::new(
+                    [
+                        found.background_ppm,
+                        found.effective_height_agl_m,
+                        found.axis_deg,
+                        found.c_max_ppm,
+                        found.sigma_y_scale,
+                        found.sigma_z_scale,
+                    ]
+                    .map(|e| (e.value, e.sd)),
+                    self.stated_c_max_ppm,
+                ));
                 self.world = corrected.world;
                 self.peak = corrected.peak;
                 self.flux = corrected.flux;
@@ -302,8 +327,22 @@ impl WorldSimulator {
         }
     }
 
-    fn publish_model(&self, now_s: f64, out: &mut Outbox) {
+    fn publish_model(&mut self, now_s: f64, out: &mut Outbox) {
+        self.compare_with_scenario(out);
         out.say(Topic::Model, Message::Model(Box::new(self.model(now_s))));
+    }
+
+    /// Reports what of the scenario readings contradict, whenever that is something else.
+    fn compare_with_scenario(&mut self, out: &mut Outbox) {
+        let found = self.evidence.contradictions();
+        let keys: Vec<String> = found.iter().map(|c| c.key.clone()).collect();
+        if keys != self.contradicted {
+            for contradiction in found {
+                let code = "scenario-contradicted";
+                out.event(&self.id, Severity::Warning, code, contradiction.says);
+            }
+            self.contradicted = keys;
+        }
     }
 
     fn model(&self, now_s: f64) -> Model {
@@ -340,11 +379,12 @@ impl WorldSimulator {
     }
 
     /// The peak as it was corrected last. Readings of a sensor of which a fault was named, and is not in the
-    /// model, stand behind nothing.
+    /// model, stand behind nothing, and neither does a scenario that they contradict.
     fn peak(&self) -> Option<Peak> {
         let found = self.peak?;
-        let stands = !self.sensor_is_named || found.status == PeakStatus::NotFound;
-        Some(if stands {
+        let is_found = found.status != PeakStatus::NotFound;
+        let is_doubtful = !self.contradicted.is_empty() || self.sensor_is_named && is_found;
+        Some(if !is_doubtful {
             found
         } else {
             Peak {
@@ -371,6 +411,9 @@ impl WorldSimulator {
 
     fn extend(&mut self, extension: &Extension, out: &mut Outbox) {
         let is_sensor = |c: &GapCause| c.mechanisms.iter().all(|m| of_a_sensor(m));
+        let beside_model = extension.mechanisms.iter().filter(|_| !extension.adopt);
+        self.evidence
+            .name(beside_model.filter_map(MechanismSetting::only_parameter));
         // A name that stands does so whatever else is not explained.
         self.sensor_is_named = !extension.adopt && extension.causes.iter().any(is_sensor);
         // Further sources are part of what is asked for, whether or not other mechanisms are to be adopted.

@@ -1,13 +1,14 @@
 //! An extension found before, on other data: `--apply`.
 
 use super::output::{OutputArguments, tell_causes};
-use crate::{Failure, measured};
+use crate::{Failure, measured, reports};
 use gap::applied::Earlier;
 use gap::plume::Analysis;
 use gap::tracer::table::Tables;
 use gap::verdict::GapJson;
 use record::files;
 use std::path::Path;
+use views::Document;
 
 /// Reads an earlier finding.
 ///
@@ -59,9 +60,14 @@ pub(super) fn of_plume(
 }
 
 /// Writes what an application has to write; an earlier extension in the folder would be taken for its own.
-pub(super) fn write(output: &OutputArguments, json: &str, report: &str) -> Result<(), Failure> {
+pub(super) fn write(
+    output: &OutputArguments,
+    json: &str,
+    report: &Document,
+) -> Result<(), Failure> {
+    let report = reports::html(report);
     files::prepare_folder(&output.out, output.force).map_err(Failure::input)?;
-    let outputs = [("report.html", report), ("gap.json", json)];
+    let outputs = [("report.html", &report[..]), ("gap.json", json)];
     let outputs = outputs.map(|(name, text)| (output.out.join(name), text.as_bytes()));
     Ok(files::write_set(&outputs)?)
 }

@@ -4,6 +4,7 @@ use super::output::{OutputArguments, names, progress_bar, tell, write};
 use crate::Failure;
 use crate::measured::{self, AircraftFile};
 use fdm::Aircraft;
+use formats::number::{significant, value_and_sd};
 use gap::flight::log::FlightLog;
 use gap::flight::{FlightReport, estimate};
 use record::files;
@@ -91,9 +92,11 @@ fn estimated(
     );
     for c in &found.coefficients {
         let told = if c.told { "" } else { "   not identifiable" };
+        let [value, sd] = value_and_sd(c.value, c.sd);
         println!(
-            "  {:<28} {:9.4} {:9.4} {:9.4}{told}",
-            c.name, c.value, c.sd, c.start
+            "  {:<28} {value:>9} {sd:>9} {:>9}{told}",
+            c.name,
+            significant(c.start)
         );
     }
     println!("Outputs in {}: aircraft.toml, estimate.json", out.display());

@@ -1,9 +1,11 @@
 //! What the kinds of gap share of their outputs: options, files and what is printed.
 
 use crate::progress::Bar;
-use crate::{Failure, ranges};
+use crate::{Failure, ranges, reports};
+use formats::number::plus_minus;
 use record::files;
 use std::path::{Path, PathBuf};
+use views::Document;
 
 /// Where the answers go.
 #[derive(Debug, clap::Args)]
@@ -44,12 +46,13 @@ pub(super) fn names(files: &[PathBuf]) -> String {
 pub(super) fn write(
     folder: &Path,
     json: &str,
-    report: &str,
+    report: &Document,
     extended: &str,
 ) -> Result<(), Failure> {
+    let report = reports::html(report);
     let outputs = [
         ("extended.toml", extended),
-        ("report.html", report),
+        ("report.html", &report),
         ("gap.json", json),
     ];
     let outputs = outputs.map(|(name, text)| (folder.join(name), text.as_bytes()));
@@ -68,8 +71,8 @@ pub(super) fn tell(json: &gap::verdict::GapJson, platforms: &str, folder: &Path)
     tell_causes(&json.causes, platforms);
     let own = json.base.iter().filter(|b| b.platform.is_some());
     for parameter in own {
-        let (label, value, sd) = (parameter.label(), parameter.value, parameter.sd);
-        println!("  {label:32} {value:.4} ± {sd:.4}");
+        let (label, stated) = (parameter.label(), plus_minus(parameter.value, parameter.sd));
+        println!("  {label:32} {stated}");
     }
     println!(
         "Outputs in {}: gap.json, report.html, extended.toml",
@@ -92,10 +95,9 @@ pub(super) fn tell_causes(causes: &[gap::verdict::Cause], platforms: &str) {
         );
         for p in &cause.parameters {
             println!(
-                "    {} = {:.4} ± {:.4}{}",
+                "    {} = {}{}",
                 p.name,
-                p.value,
-                p.sd,
+                plus_minus(p.value, p.sd),
                 p.unit_after()
             );
         }

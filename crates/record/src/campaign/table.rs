@@ -214,20 +214,21 @@ impl Group<'_> {
 /// What stands where nothing can be told.
 const NOTHING: &str = "-";
 
+/// What stands where it happened in no mission, or in so few that nothing can be told.
+const NEVER: &str = "never";
+
 /// A median with its interval, for people.
 fn interval(of: Option<MedianOf>) -> String {
     let Some(of) = of else {
         return NOTHING.to_owned();
     };
     let (from, to) = of.from_to;
-    format!("{} ({}–{})", whole(of.median), whole(from), whole(to))
-}
-
-fn whole(value: f64) -> String {
-    if value.is_finite() {
-        format!("{value:.0}")
-    } else {
-        "∞".to_owned()
+    // Of a number that is infinite where a thing never came, only what is finite is written.
+    match [of.median, from, to].map(f64::is_finite) {
+        [true, _, true] => format!("{:.0} ({from:.0}–{to:.0})", of.median),
+        [true, _, false] => format!("{:.0} (from {from:.0})", of.median),
+        [false, true, _] => format!("from {from:.0}"),
+        [false, false, _] => NEVER.to_owned(),
     }
 }
 
@@ -302,8 +303,9 @@ pub fn to_markdown(question: &Question, rows: &[MissionRow]) -> String {
 }
 
 /// What the numbers of the table are.
-pub const LEGEND: &str = "Medians with their 95 % interval (for fewer than six missions: the range); ∞: it did \
-                          not happen. Shares with Wilson's 95 % interval. Mission time and distance flown by the \
+pub const LEGEND: &str = "Medians with their 95 % interval (for fewer than six missions: the range). \
+                          “From”: in some missions it did not happen, so the interval has no upper end; without a \
+                          number before it, it did not happen in half of them. Shares with Wilson's 95 % interval. Mission time and distance flown by the \
                           team are given until a vehicle was near the true peak, and until the peak was \
                           confirmed or supported. The map error is the root-mean-square error over the fence's \
                           volume, divided by the root mean square of the plume.";
@@ -328,7 +330,9 @@ fn by_seed(group: &Group<'_>) -> String {
         })
     };
     let of = |row: &&MissionRow| {
-        let off = row.peak_off_m.map_or(NOTHING.to_owned(), whole);
+        let off = row
+            .peak_off_m
+            .map_or(NOTHING.to_owned(), |m| format!("{m:.0}"));
         let numbers = corrected.iter().map(|n| number(row, &n.name));
         [row.key.seed.to_string(), off]
             .into_iter()
@@ -381,7 +385,7 @@ mod tests {
             .collect();
         let text = to_markdown(&question, &rows);
         assert!(
-            text.contains("| own | cs-ea | 6 (1 real) | ∞ (400–∞) | ∞ (8–∞) | ∞ (800–∞) |"),
+            text.contains("| own | cs-ea | 6 (1 real) | from 400 | from 8 | from 800 |"),
             "{text}"
         );
         assert!(

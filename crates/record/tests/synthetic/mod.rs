@@ -14,6 +14,18 @@ pub fn frame() -> LocalFrame {
     LocalFrame::new(43.4417, -7.8631, 340.0).unwrap()
 }
 
+/// The scenario that the team of this mission starts from, with a background of `background_ppm`.
+pub fn scenario(background_ppm: f64) -> scenario::Scenario {
+    let text = format!(
+        "[site]\nlat_deg = 43.4417\nlon_deg = -7.8631\nground_amsl_m = 340.0\n\
+         [weather]\nwind_from_deg = 310.0\nwind_speed_m_s = 7.0\n\
+         [background]\nco2_ppm = {background_ppm}\n\
+         [[source]]\nlat_deg = 43.4417\nlon_deg = -7.8631\neffective_height_m = 450.0\nc_max_ppm = 330.0\n\
+         c_max_distance_m = 2400.0\n"
+    );
+    scenario::Scenario::parse("synthetic.toml", &text).unwrap()
+}
+
 pub fn estimate(value: f64, sd: f64) -> Estimate {
     Estimate { value, sd }
 }

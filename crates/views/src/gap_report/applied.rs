@@ -1,16 +1,15 @@
 //! The report of an extension found before, on data that had no part in finding it.
 
-use super::{
-    autocorrelation, base_table, departs_most, figure, figures, gain_table, gas, maps, set,
-};
+use super::{autocorrelation, base_table, departs_most, figures, gain_table, gas, lead, maps, set};
 use crate::html::{Document, number};
+use formats::number::{significant, value_and_sd};
 use gap::applied::{Applied, AppliedScore, Outcome};
 use gap::plume::GapReport;
 use gap::tracer::TracerReport;
 use gap::verdict::GapJson;
 
 /// The report of models of earlier tracer trials on others. `title` names the data.
-pub fn applied_tracer(title: &str, report: &TracerReport) -> String {
+pub fn applied_tracer(title: &str, report: &TracerReport) -> Document {
     let mut page = opening(
         "Plumage gap report: an extension on other trials",
         title,
@@ -28,11 +27,11 @@ pub fn applied_tracer(title: &str, report: &TracerReport) -> String {
          found there. Nothing was fitted to these trials.",
     );
     closing(&mut page, &report.gap);
-    page.finish()
+    page
 }
 
 /// The report of a cause found in earlier readings, on others. `title` names the data.
-pub fn applied_plume(title: &str, json: &GapJson, report: &GapReport) -> String {
+pub fn applied_plume(title: &str, json: &GapJson, report: &GapReport) -> Document {
     let mut page = opening(
         "Plumage gap report: an extension on other readings",
         title,
@@ -42,12 +41,22 @@ pub fn applied_plume(title: &str, json: &GapJson, report: &GapReport) -> String 
     maps(&mut page, report);
     autocorrelation(&mut page, report);
     closing(&mut page, json);
-    page.finish()
+    page
 }
 
 fn opening(kicker: &str, title: &str, json: &GapJson) -> Document {
     let mut page = Document::new(kicker, title);
-    page.lead(std::slice::from_ref(&json.summary));
+    let found = match json.applied.as_ref().map(|a| a.outcome) {
+        Some(Outcome::Helps) => "The earlier extension predicts these data better than the base.",
+        Some(Outcome::Hurts) => "The earlier extension predicts these data worse than the base.",
+        Some(Outcome::Mixed) => {
+            "The earlier extension predicts a part of these data better than the base and a part worse."
+        }
+        Some(Outcome::Undecided) | None => {
+            "These data do not decide whether the earlier extension is better than the base."
+        }
+    };
+    page.lead(&lead(title, json, found.to_owned()));
     let mut cards = Vec::new();
     if let Some(applied) = &json.applied {
         cards.push((
@@ -101,7 +110,7 @@ fn scores(page: &mut Document, scores: &[AppliedScore]) {
     if scores.is_empty() {
         return;
     }
-    let pair = |a: f64, b: f64| format!("{} to {}", figure(a), figure(b));
+    let pair = |a: f64, b: f64| format!("{} to {}", significant(a), significant(b));
     let row = |s: &AppliedScore| {
         vec![
             s.what.clone(),
@@ -128,13 +137,9 @@ fn what(page: &mut Document, json: &GapJson, applied: &Applied) {
         .iter()
         .flat_map(|c| c.parameters.iter().map(move |p| (c, p)))
         .map(|(c, p)| {
-            vec![
-                set(c),
-                format!("{}.{}", p.mechanism, p.name),
-                figure(p.value),
-                figure(p.sd),
-                p.unit.clone(),
-            ]
+            let [value, sd] = value_and_sd(p.value, p.sd);
+            let name = format!("{}.{}", p.mechanism, p.name);
+            vec![set(c), name, value, sd, p.unit.clone()]
         })
         .collect();
     if rows.is_empty() {

@@ -17,6 +17,8 @@ const POINTS: usize = 2500;
 const MAP_POINTS: usize = 6000;
 /// A misfit beyond this is off the axis, standard deviations: one spike would flatten all others.
 const MISFIT_SHOWN_SD: f64 = 15.0;
+/// Models are shown down to a loss of this evidence at least, nats; bars that go further are cut and have their value.
+const LEAST_SHOWN_NATS: f64 = 10.0;
 /// Misfits at which the colours of a map end, standard deviations.
 const COLOURED_SD: f64 = 4.0;
 
@@ -349,7 +351,10 @@ fn by_coordinate(
         x: Axis::new(&title, unit),
         title,
         height: Some(200),
-        y: Axis::new("misfit", "sd"),
+        y: Axis {
+            shared: Some("misfit"),
+            ..Axis::new("misfit", "sd")
+        },
         layers,
         ..Panel::default()
     }
@@ -381,8 +386,16 @@ pub(super) fn ranking(ranking: &[Ranked], most: usize) -> Figure {
         ),
         ..Bars::default()
     };
+    // A model that is far worse than the base would hide the others.
+    let most = shown
+        .iter()
+        .map(|r| r.log_evidence)
+        .fold(LEAST_SHOWN_NATS, f64::max);
     let panel = Panel {
-        x: Axis::new("gain of log evidence", "nats"),
+        x: Axis {
+            limits: Some([-most, most]),
+            ..Axis::new("gain of log evidence", "nats")
+        },
         y: Axis {
             names: Some(shown.iter().map(name).collect()),
             ..Axis::default()

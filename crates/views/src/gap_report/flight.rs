@@ -1,10 +1,11 @@
 //! The report of an analysis of measured flights.
 
-use super::{Card, bins, figure, name_extend_gain, opening_with, remains};
+use super::{Card, bins, name_extend_gain, opening_with, remains};
 use crate::figure::{
     Axis, BASE, Column, Figure, Layer, Line, MEASURED, MODEL, Panel, Points, stride,
 };
 use crate::html::{Document, number};
+use formats::number::significant;
 use gap::flight::FlightReport;
 use gap::flight::equation_error::{EquationError, Moment};
 use gap::flight::histories::{History, WINDOW_S};
@@ -29,7 +30,7 @@ const CARDS: [&str; 3] = ["roll rate", "pitch rate", "airspeed"];
 const CLOSE_S: f64 = 30.0;
 
 /// The report of measured flights against an aircraft. `title` names the data.
-pub fn flight(title: &str, report: &FlightReport) -> String {
+pub fn flight(title: &str, report: &FlightReport) -> Document {
     let json = &report.gap;
     let motion = &report.flight.motion;
     let cards: Vec<Card> = CARDS.iter().filter_map(|c| card(motion, c)).collect();
@@ -54,13 +55,13 @@ pub fn flight(title: &str, report: &FlightReport) -> String {
     equation_error(&mut page, &report.flight.equation_error);
     name_extend_gain(&mut page, json);
     remains(&mut page, json);
-    page.finish()
+    page
 }
 
 /// Errors of motion before and after, as one card.
 fn card(motion: &[MotionError], label: &str) -> Option<Card> {
     let e = motion.iter().find(|e| e.label == label)?;
-    let value = format!("{} → {}", figure(e.before), figure(e.after));
+    let value = format!("{} → {}", significant(e.before), significant(e.after));
     let what = format!("error of the {label} predicted for {:.0} s", e.window_s);
     Some((value, e.unit, what))
 }
@@ -70,8 +71,8 @@ fn errors(page: &mut Document, motion: &[MotionError]) {
     let row = |e: &MotionError| {
         vec![
             e.label.to_owned(),
-            figure(e.before),
-            figure(e.after),
+            significant(e.before),
+            significant(e.after),
             e.unit.to_owned(),
             format!("{} of {}", e.better_in, e.windows),
         ]
@@ -140,8 +141,8 @@ fn equation_error(page: &mut Document, equations: &EquationError) {
                 let inflation = k.checked_sub(1).and_then(|i| moment.inflation.get(i));
                 vec![
                     moment.derivatives[k].to_owned(),
-                    figure(moment.published[k]),
-                    figure(moment.refitted[k]),
+                    significant(moment.published[k]),
+                    significant(moment.refitted[k]),
                     inflation.map_or(String::new(), |v| number(*v, 1)),
                 ]
             })
@@ -164,10 +165,10 @@ fn moment_row(m: &Moment) -> Vec<String> {
     let percent = |share: f64| format!("{} %", number(100.0 * share, 0));
     vec![
         m.axis.to_owned(),
-        figure(m.variance),
-        figure(m.published_leaves),
+        significant(m.variance),
+        significant(m.published_leaves),
         percent(m.published_constant_part),
-        figure(m.held_out_leaves),
+        significant(m.held_out_leaves),
         percent(m.held_out_share),
         percent(m.held_out_r2),
     ]

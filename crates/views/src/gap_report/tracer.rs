@@ -1,12 +1,13 @@
 //! The report of an analysis of tracer trials.
 
-use super::{RANKED, causes, detectable, figure, figures, gain_table, opening, set};
+use super::{RANKED, causes, detectable, figures, gain_table, opening, set};
 use crate::html::{Document, number};
+use formats::number::{plus_minus, significant, value_and_sd};
 use gap::tracer::{GroupDetail, TracerReport, TriedModel};
 use gap::verdict::{Cause, GapJson, Parameter};
 
 /// The report of an analysis of tracer trials. `title` names the data.
-pub fn tracer(title: &str, report: &TracerReport) -> String {
+pub fn tracer(title: &str, report: &TracerReport) -> Document {
     let json = &report.gap;
     let mut page = opening("Plumage gap report: tracer trials", title, json);
     page.section("Where the simulation deviates from the data");
@@ -40,7 +41,7 @@ pub fn tracer(title: &str, report: &TracerReport) -> String {
         gain_table(&mut page, &gain.held_out);
     }
     remains(&mut page, json);
-    page.finish()
+    page
 }
 
 /// Where one stability class ends and the next begins.
@@ -58,7 +59,7 @@ fn classes(page: &mut Document, report: &TracerReport) {
     let caption = format!(
         "Classes of Briggs' curves by the inverse of the Obukhov length, after Golder (1972), for a \
          roughness length of {} m.",
-        figure(report.tracer.roughness_m)
+        significant(report.tracer.roughness_m)
     );
     page.table(&caption, &["class", "from 1/L, 1/m", "to 1/L, 1/m"], &rows);
 }
@@ -94,11 +95,7 @@ fn tried_models(page: &mut Document, air: &str, what: &str, trials: usize, tried
                 number(t.delta_log_score, 1),
                 number(t.delta_log_evidence, 1),
                 number(t.probability, 3),
-                format!(
-                    "{} ± {}",
-                    number(t.held_out_gain, 1),
-                    number(t.held_out_gain_se, 1)
-                ),
+                plus_minus(t.held_out_gain, t.held_out_gain_se),
             ]
         })
         .collect();
@@ -147,11 +144,12 @@ fn parameter_row(cause: &Cause, p: &Parameter, inputs: &[String]) -> Vec<String>
     } else {
         inputs.join(" + ")
     };
+    let [value, sd] = value_and_sd(p.value, p.sd);
     vec![
         format!("{}.{}", p.mechanism, p.name),
         cause.platforms.join(", "),
-        figure(p.value),
-        figure(p.sd),
+        value,
+        sd,
         p.unit.clone(),
         relative_to,
     ]

@@ -5,7 +5,7 @@ use crate::figure::{
     Axis, BASE, Band, ColourScale, Column, Dash, Detail, Field, FieldGrid, Figure, INK, Layer,
     Line, MEASURED, MODEL, OUTLINE, Panel, Points, Symbol, Text, Wind,
 };
-use crate::site::{Area, Grid, SiteMap};
+use crate::site::{Area, Grid, MapPoint, SiteMap};
 use air::geo::{Enu, wrap_deg, wrap_signed_deg};
 use protocol::message::{Model, VehicleKind};
 use record::colour::{Shown, stops};
@@ -36,6 +36,7 @@ pub(super) fn map(
     tracks: &Tracks,
     after: Option<&Model>,
     summary: &MissionSummary,
+    shown: &Shown,
 ) -> Figure {
     let area = site.area(tracks).widened(400.0);
     let mut layers = Vec::new();
@@ -71,7 +72,7 @@ pub(super) fn map(
     Figure {
         columns: 1,
         panels: vec![panel],
-        scale: Some(readings_scale(&site.shown)),
+        scale: Some(readings_scale(shown)),
     }
 }
 
@@ -123,6 +124,111 @@ fn readings_scale(shown: &Shown) -> ColourScale {
     }
 }
 
+/// Readings that are drawn in a section lie within this part of their distance from the source beside its plane: about two
+/// widths of the plume on either side.
+pub(super) const ASIDE: f64 = 0.15;
+/// Height of a section, pixels.
+const SECTION_HEIGHT: u32 = 260;
+/// Height above the highest track up to which a section goes, m.
+const ABOVE_TRACKS_M: f64 = 50.0;
+
+/// The plume of the model in the vertical plane of its axis through the first source.
+pub(super) fn section(site: &SiteMap, tracks: &Tracks, model: &Model, shown: &Shown) -> Figure {
+    let source = site.stacks.first();
+    let from = source.map_or(Enu::default(), |s| site.enu(s.lat_deg, s.lon_deg));
+    let (sin, cos) = model.axis_deg.value.to_radians().sin_cos();
+    let real = tracks
+        .by_vehicle()
+        .values()
+        .filter(|t| t.kind == VehicleKind::Real);
+    // Distance along the axis, distance beside it and height above ground, m, and what was read.
+    let read = real.flat_map(|t| t.points.items()).map(|p| {
+        let at = site.enu(p.lat_deg, p.lon_deg);
+        let (east_m, north_m) = (at.east_m - from.east_m, at.north_m - from.north_m);
+        let aside_m = east_m * cos - north_m * sin;
+        (
+            east_m * sin + north_m * cos,
+            aside_m,
+            p.alt_amsl_m - site.frame.ground_amsl_m,
+            p.co2_ppm,
+        )
+    });
+    let near: Vec<(f64, f64, f64, f64)> = read
+        .filter(|(along_m, aside_m, ..)| *along_m > 0.0 && aside_m.abs() <= ASIDE * along_m)
+        .collect();
+    let most = |of: fn(&(f64, f64, f64, f64)) -> f64, least: f64| {
+        near.iter().map(of).fold(least, f64::max)
+    };
+    let far_m = most(|p| p.0, 2.0 * site.keep_out_radius_m.max(500.0));
+    let top_m = most(|p| p.2, 1.5 * model.effective_height_agl_m.value) + ABOVE_TRACKS_M;
+    let step_m = far_m / COLUMNS as f64;
+    let rows = (top_m / step_m).ceil().max(1.0) as usize;
+    let points: Vec<MapPoint> = (0..=rows)
+        .flat_map(|row| {
+            (0..=COLUMNS).map(move |column| MapPoint {
+                at: from.displaced(model.axis_deg.value, step_m * column as f64),
+                alt_amsl_m: site.frame.ground_amsl_m + step_m * row as f64,
+            })
+        })
+        .collect();
+    let excess = (site.field)(model, &points)
+        .into_iter()
+        .map(|p| p - model.background_ppm.value);
+    let plume = Field {
+        name: "model".to_owned(),
+        grid: FieldGrid {
+            x: 0.0,
+            y: 0.0,
+            step: step_m,
+            columns: COLUMNS + 1,
+            rows: rows + 1,
+        },
+        values: Column::new(excess, 10.0 * site.shown.steps_per_ppm()),
+        darkest: Some(site.shown.darkest_ppm()),
+        levels: levels(site).to_vec(),
+        colour: MODEL,
+        dash: Dash::Solid,
+    };
+    let steps = 10.0 * shown.steps_per_ppm();
+    let readings = Points {
+        name: "real readings".to_owned(),
+        values: Some(Column::new(near.iter().map(|p| p.3), steps)),
+        symbol: Symbol::Diamond,
+        size: 2.6,
+        grow: 3.2,
+        x: Column::new(near.iter().map(|p| p.0), 1.0),
+        y: Column::new(near.iter().map(|p| p.2), 1.0),
+        details: vec![reading(shown, near.iter().map(|p| p.3))],
+        ..Points::default()
+    };
+    let range = |high: f64| Some([0.0, high]);
+    let panel = Panel {
+        height: Some(SECTION_HEIGHT),
+        x: Axis {
+            range: range(far_m),
+            ..Axis::new("distance along the axis", "m")
+        },
+        y: Axis {
+            range: range(top_m),
+            ..Axis::new("height above ground", "m")
+        },
+        layers: vec![Layer::Field(plume), Layer::Points(readings)],
+        ..Panel::default()
+    };
+    Figure {
+        columns: 1,
+        panels: vec![panel],
+        scale: Some(readings_scale(shown)),
+    }
+}
+
+/// Contour lines with their names, ppm above background.
+fn levels(site: &SiteMap) -> [(f64, String); 3] {
+    site.shown
+        .levels_ppm()
+        .map(|l| (l, format!("+{}", site.shown.number(l))))
+}
+
 /// The model's axis from the first source to beyond the map.
 fn axis(site: &SiteMap, model: &Model, area: Area) -> Layer {
     let source = site.stacks.first();
@@ -159,7 +265,6 @@ fn plumes(site: &SiteMap, model: &Model, area: Area) -> Vec<Layer> {
         .map(|reality| Grid::fill(area, COLUMNS, alt, |s| reality(s)));
     let field = |grid: Grid, name: &str, colour, dash, darkest| {
         let excess = grid.ppm.iter().map(|p| p - model.background_ppm.value);
-        let levels = site.shown.levels_ppm();
         Layer::Field(Field {
             name: name.to_owned(),
             grid: FieldGrid {
@@ -171,9 +276,7 @@ fn plumes(site: &SiteMap, model: &Model, area: Area) -> Vec<Layer> {
             },
             values: Column::new(excess, 10.0 * site.shown.steps_per_ppm()),
             darkest,
-            levels: levels
-                .map(|l| (l, format!("+{}", site.shown.number(l))))
-                .to_vec(),
+            levels: levels(site).to_vec(),
             colour,
             dash,
         })
@@ -315,6 +418,9 @@ fn minutes<'a>(time_s: impl IntoIterator<Item = &'a f64>) -> Column {
     Column::new(time_s.into_iter().map(|t| t / 60.0), 1e3)
 }
 
+/// The axis of a number goes beyond what it is before and after the mission by this part of the way between.
+const BESIDE_ENDS: f64 = 0.5;
+
 /// The model's numbers along the mission, a panel each.
 pub(super) fn history(
     history: &[(f64, Box<Model>)],
@@ -366,6 +472,15 @@ fn number_panel(
             ..Line::default()
         }),
     ];
+    // What a fit of the first minutes says must not hide how the mission ends.
+    let ends = numbers.first().into_iter().chain(numbers.last());
+    let ends =
+        ends.flat_map(|m| [-2.0, 2.0].map(|sds| turned((n.of)(m).value) + sds * (n.of)(m).sd));
+    let ends = ends.chain(reality.map(|m| turned((n.of)(m).value)));
+    let (low, high) = ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
+        (low.min(v), high.max(v))
+    });
+    let part = BESIDE_ENDS * (high - low);
     if let Some(reality) = reality {
         let truth = turned((n.of)(reality).value);
         layers.push(Layer::Line(Line {
@@ -386,6 +501,7 @@ fn number_panel(
         y: Axis {
             // None but an angle is below zero, whatever its standard deviation.
             floor: (!n.turns()).then_some(0.0),
+            limits: Some([low - part, high + part]),
             ..Axis::new("", &n.unit_of(shown.gas))
         },
         layers,

@@ -69,6 +69,7 @@ pub fn known() -> SummaryContext {
         |axis, height, c_max| ModelNumbers::from(&synthetic::model(axis, height, c_max, 0));
     SummaryContext {
         gas: record::colour::Shown::CO2.gas,
+        scenario: synthetic::scenario(449.0),
         seed: 7,
         team: (1..=6).map(|k| k.to_string()).collect(),
         frame: synthetic::frame(),
@@ -95,5 +96,8 @@ pub fn report(ticks: u64) -> (String, MissionSummary) {
         summariser.take(&topic, &envelope);
     }
     let summary = summariser.summary("5f3c0000000000000000000000000000", 1.2);
-    (report.html(&summary), summary)
+    (
+        report.page(&summary).html(&views::Origin::default()),
+        summary,
+    )
 }

@@ -26,12 +26,18 @@ pub fn summary_context(setup: &Setup) -> Result<SummaryContext, MissionError> {
     } else {
         Vec::new()
     };
+    let frame = setup.frame()?;
+    let world = scenario.dispersion_spec()?;
+    let source = world.sources.first().map_or(Enu::default(), |s| s.place);
+    let source = frame.to_geodetic(source);
     Ok(SummaryContext {
+        source_deg: (source.lat_deg, source.lon_deg),
+        noise_ppm: world.sensor.noise_sd_ppm.max(world.sensor.resolution_ppm),
         gas: scenario.gas(),
         scenario: scenario.clone(),
         seed: scenario.mission.seed,
         team: scenario.vehicles.iter().map(|v| v.id.clone()).collect(),
-        frame: setup.frame()?,
+        frame,
         before: truth::numbers(scenario)?,
         reality,
         true_peak,

@@ -9,7 +9,6 @@ use protocol::message::{
 use protocol::{Envelope, SimTime, Topic};
 use scenario::Scenario;
 use scenario::contradiction::{Contradiction, Corrected, Evidence};
-use scenario::tables::WindFollows;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -19,6 +18,13 @@ pub const SCHEMA: &str = "plumage.summary/1";
 
 /// A vehicle must have moved this far before the way counts: the jitter of positions is no way, m.
 const MIN_LEG_M: f64 = 10.0;
+
+/// A plume was read where a reading is so many standard deviations of the sensor's noise above the background.
+const READ_SD: f64 = 5.0;
+/// The plume may be within so many standard deviations of its direction and height: 95 % of a normal distribution.
+const MAY_BE_SD: f64 = 2.0;
+/// … and within its own half width, degrees: two σ_y of class D are .16 of the distance.
+const PLUME_DEG: f64 = 9.0;
 
 /// The numbers of a plume model, each with its standard deviation.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -227,27 +233,9 @@ pub struct PeakSummary {
     pub error_m: Option<f64>,
     /// Mission time at which the peak was first confirmed or supported, s; none where it never was.
     pub known_s: Option<f64>,
-    /// What a peak that is not found is told with.
-    #[serde(skip)]
-    pub missed: Missed,
+    /// Whether a real vehicle took a reading where the plume could be, by the model of that time.
+    pub came_near: bool,
 }
-
-/// Why no peak was found.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Missed {
-    /// No real vehicle read anything where the plume could be.
-    #[default]
-    NobodyNear,
-    /// Somebody was where it could be, and read clean air.
-    CleanAir,
-    /// Readings stand out of the background, and not as a plume that the model allows.
-    OtherShape,
-}
-
-/// A plume could be within so many standard deviations of its direction beforehand.
-const COULD_BE_SD: f64 = 3.0;
-/// A reading stands out of the background where it is so many standard deviations of the sensor above.
-const STANDS_OUT_SD: f64 = 10.0;
 
 /// A place and the mole fraction there.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -366,6 +354,10 @@ pub struct SummaryContext {
     pub team: Vec<String>,
     /// The site's frame.
     pub frame: LocalFrame,
+    /// Latitude and longitude of the first source, degrees.
+    pub source_deg: (f64, f64),
+    /// White noise of a reading, one standard deviation, ppm.
+    pub noise_ppm: f64,
     /// The model as the scenario has it before the preliminary flight.
     pub before: ModelNumbers,
     /// The stand-in's reality, if there is one.
@@ -396,11 +388,10 @@ pub struct Summariser {
     flux: Vec<Flux>,
     mechanisms: Vec<MechanismSetting>,
     known_s: Option<f64>,
+    came_near: bool,
     gap: Option<GapSummary>,
     after: ModelNumbers,
     evidence: Evidence,
-    /// Whether a real vehicle has read where the plume could be.
-    came_near: bool,
 }
 
 #[derive(Debug, Clone)]
@@ -424,10 +415,10 @@ impl Summariser {
             flux: Vec::new(),
             mechanisms: Vec::new(),
             known_s: None,
+            came_near: false,
             gap: None,
             after: context.before,
             evidence: Evidence::new(&context.scenario),
-            came_near: false,
             context,
         }
     }
@@ -444,8 +435,9 @@ impl Summariser {
                 vehicle.airborne = (state.airborne, envelope.time);
             }
             (Topic::Reading(id), Message::Reading(reading)) => {
+                let flies = self.vehicles.get(id.as_str()).is_some_and(|v| v.airborne.0);
                 if reading.kind == VehicleKind::Real {
-                    self.came_near = self.came_near || self.could_be_at(reading);
+                    self.came_near |= flies && self.is_near(reading);
                     let wind = reading.wind_speed_m_s.zip(reading.wind_from_deg);
                     self.evidence.read(reading.co2_ppm, wind);
                 }
@@ -541,6 +533,34 @@ impl Summariser {
         }
     }
 
+    /// Whether a reading was taken where the plume may be by the model so far.
+    fn is_near(&self, reading: &Reading) -> bool {
+        let frame = &self.context.frame;
+        let enu = |lat_deg, lon_deg| frame.to_enu(Geodetic { lat_deg, lon_deg });
+        let source = enu(self.context.source_deg.0, self.context.source_deg.1);
+        let here = enu(reading.lat_deg, reading.lon_deg);
+        let (axis, height) = (&self.after.axis_deg, &self.after.effective_height_agl_m);
+        let off_deg = wrap_signed_deg(source.bearing_deg(here) - axis.value).abs();
+        let off_m = (reading.alt_amsl_m - frame.ground_amsl_m - height.value).abs();
+        let plume_m = source.distance_m(here) * PLUME_DEG.to_radians();
+        off_deg <= MAY_BE_SD * axis.sd + PLUME_DEG && off_m <= MAY_BE_SD * height.sd + plume_m
+    }
+
+    /// How far readings stand behind the peak. A plume that was read is never none, whatever the model makes of it.
+    fn status(&self) -> PeakStatus {
+        let status = self.peak.map_or(PeakStatus::NotFound, |p| p.status);
+        let highest = self.highest_reading();
+        let excess_ppm = highest.map(|h| h.place.co2_ppm - self.after.background_ppm.value);
+        match status {
+            PeakStatus::NotFound
+                if excess_ppm.is_some_and(|e| e > READ_SD * self.context.noise_ppm) =>
+            {
+                PeakStatus::Doubtful
+            }
+            status => status,
+        }
+    }
+
     fn peak_summary(&self) -> PeakSummary {
         let found = self.peak;
         let estimate = found.filter(|p| p.status != PeakStatus::NotFound);
@@ -550,42 +570,14 @@ impl Summariser {
             .zip(truth)
             .map(|(found, truth)| distance_m(&self.context.frame, &found, &truth));
         PeakSummary {
-            status: found.map_or(PeakStatus::NotFound, |p| p.status),
+            status: self.status(),
             estimate,
             highest_reading: self.highest_reading(),
             truth,
             error_m,
             known_s: self.known_s,
-            missed: self.missed(),
+            came_near: self.came_near,
         }
-    }
-
-    fn missed(&self) -> Missed {
-        let (scenario, gas) = (&self.context.scenario, self.context.gas);
-        let out_ppm = STANDS_OUT_SD * scenario.sensor().noise_sd_ppm(gas);
-        let highest = self.highest_reading();
-        let stands_out =
-            |h: HighestReading| h.place.co2_ppm > self.after.background_ppm.value + out_ppm;
-        match highest.is_some_and(stands_out) {
-            true => Missed::OtherShape,
-            false if self.came_near => Missed::CleanAir,
-            false => Missed::NobodyNear,
-        }
-    }
-
-    /// Whether the plume could be at a place by what the scenario says of the wind.
-    fn could_be_at(&self, reading: &Reading) -> bool {
-        let scenario = &self.context.scenario;
-        let source = &scenario.sources[0];
-        let enu =
-            |lat_deg: f64, lon_deg: f64| self.context.frame.to_enu(Geodetic { lat_deg, lon_deg });
-        let bearing_deg =
-            enu(source.lat_deg, source.lon_deg).bearing_deg(enu(reading.lat_deg, reading.lon_deg));
-        let axis = self.context.before.axis_deg;
-        let off_deg = wrap_signed_deg(bearing_deg - axis.value).abs();
-        let weather = &scenario.weather;
-        let is_one = weather.series.is_none() && weather.follow == WindFollows::Scenario;
-        !is_one || off_deg <= COULD_BE_SD * axis.sd
     }
 
     fn highest_reading(&self) -> Option<HighestReading> {

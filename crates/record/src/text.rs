@@ -2,7 +2,8 @@
 
 use crate::colour::number;
 use crate::summary::{
-    CORRECTED, FluxSummary, GapSummary, HighestReading, Missed, MissionSummary, ModelNumber, ppm_of,
+    CORRECTED, FluxSummary, GapSummary, HighestReading, MissionSummary, ModelNumber, Outcome,
+    ppm_of,
 };
 use formats::number::{plus_minus, significant, value_and_sd};
 use plume::Gas;
@@ -41,7 +42,29 @@ pub fn summary(summary: &MissionSummary) -> String {
         line(&mut text, format_args!("{}", gap(found)));
     }
     model(&mut text, summary, real);
+    if let Some(said) = not_landed(summary) {
+        line(&mut text, format_args!("{said}"));
+    }
     text
+}
+
+/// Which vehicles of the team had not landed at the end; none where all had.
+pub fn not_landed(summary: &MissionSummary) -> Option<String> {
+    let of = |outcome: Outcome| {
+        let ids = summary.vehicles.iter().filter(|v| v.outcome == outcome);
+        ids.map(|v| v.id.as_str()).collect::<Vec<_>>().join(", ")
+    };
+    let said = |what: &str, ids: String| (!ids.is_empty()).then(|| format!("{what}: {ids}."));
+    let airborne = said(
+        "NOT LANDED at the mission's end, still in the air",
+        of(Outcome::Airborne),
+    );
+    let lost = said(
+        "NOT HEARD at the mission's end, last reported in the air",
+        of(Outcome::Lost),
+    );
+    let both: Vec<String> = airborne.into_iter().chain(lost).collect();
+    (!both.is_empty()).then(|| both.join(" "))
 }
 
 fn line(text: &mut String, arguments: std::fmt::Arguments<'_>) {
@@ -87,17 +110,16 @@ pub fn peak(summary: &MissionSummary) -> String {
     let (peak, gas) = (&summary.peak, summary.gas);
     let estimate = |p: &Peak| estimate(gas, p);
     let mut text = match (peak.status, &peak.estimate) {
-        (PeakStatus::NotFound, _) | (_, None) => {
-            let why = match peak.missed {
-                Missed::NobodyNear => "no reading was taken where the plume could be",
-                Missed::CleanAir => {
-                    "the real readings do not follow any plume that the model allows"
-                }
-                Missed::OtherShape => {
-                    "real readings stand out of the background, but not as any plume that the model allows"
-                }
-            };
-            format!("Not found: {why}, so there is no peak to report.")
+        (PeakStatus::NotFound, _) if !peak.came_near => {
+            "Not found: no reading was taken where the plume could be, so there is no peak to report.".to_owned()
+        }
+        (PeakStatus::NotFound, _) => {
+            "Not found: the real readings do not follow any plume that the model allows, so there is no peak to \
+             report.".to_owned()
+        }
+        (_, None) => {
+            "Doubtful: a plume was read, but the real readings do not follow any plume that the model allows, so \
+             there is no peak to report.".to_owned()
         }
         (PeakStatus::Confirmed, Some(p)) => format!(
             "Found and confirmed: a peak of {}. Readings of real crossings near it agree with the prediction.",

@@ -19,6 +19,8 @@ fn numbers(axis_deg: f64, height_m: f64) -> ModelNumbers {
 
 fn known() -> SummaryContext {
     SummaryContext {
+        source_deg: (43.4417, -7.8631),
+        noise_ppm: 3.0,
         seed: 7,
         gas: plume::Gas::Co2,
         scenario: synthetic::scenario(449.0),

@@ -5,21 +5,22 @@ mod dispatch;
 mod homing;
 mod pattern_flight;
 mod phases;
+mod survey;
 mod take_off;
 
 pub use homing::LEAST_OVER_GROUND_M_S;
 
-use air::geo::{Geodetic, wrap_signed_deg};
+use air::geo::{Enu, Geodetic, wrap_signed_deg};
 use air::terrain::Terrain;
 use csea::{
     Archive, ArchiveOptions, CsEaOptions, Domain, PlumePrior, Position, Sample, SearchStrategy,
     strategy_by_name,
 };
-use plume::DispersionSpec;
+use plume::{DispersionSpec, MechanismId, SourceSpec};
 use protocol::key::Name;
 use protocol::message::{
-    ControlWish, Destination, Mode, Model, Observation, Peak, PeakStatus, Phase, Plan, Population,
-    Reading, Severity, State, VehicleKind as Kind,
+    ControlWish, Destination, MechanismSetting, Mode, Model, Observation, Peak, PeakStatus, Phase,
+    Plan, Population, Reading, Severity, State, VehicleKind as Kind,
 };
 use protocol::{Agent, AgentId, Envelope, Event, Interest, Message, Outbox, SimTime, Topic};
 use rand::rngs::ChaCha8Rng;
@@ -38,6 +39,7 @@ use crate::separation::Separation;
 use crate::tasks::{Tasks, VehicleTask};
 use pattern_flight::PatternFlight;
 use scenario::airspace::Airspace;
+use survey::Survey;
 
 /// Time between two decisions, s.
 const DECISION_S: f64 = 1.0;
@@ -56,20 +58,27 @@ const SEARCH_SECTOR_DEG: f64 = 60.0;
 const LOCATED_DEG: f64 = 15.0;
 /// Half height of the search around the axis, in σz at the far end of the passes.
 const SEARCH_SIGMAS: f64 = 2.5;
+/// Half width of the 95 % interval of a normal distribution, in standard deviations.
+const HALF_WIDTH_95_SD: f64 = 1.96;
 
 /// The squadron controller.
 pub struct SquadronController {
     id: AgentId,
     fleet: Fleet,
     tasks: Tasks,
+    /// The world as the scenario describes it, with the sources that the model has beside the scenario's.
     base: DispersionSpec,
+    /// How many sources the scenario has.
+    scenario_sources: usize,
     model: Option<Model>,
     range: PassRange,
     /// Heights above home at which vehicles wait for their landing, from the lowest.
     levels_amsl_m: Vec<f64>,
     search: SearchTable,
-    /// The standard deviation of each flux, as a part of it, at which the team may go home.
-    flux_within: Option<f64>,
+    /// Half widths of the 95 % intervals of the peak's excess and of each flux, as parts of them, at which the team may
+    /// go home.
+    asked_within: (Option<f64>, Option<f64>),
+    survey: Survey,
     /// What the scenario supposes of the plume.
     prior: PlumePrior,
     duration_s: f64,
@@ -137,11 +146,13 @@ impl SquadronController {
             },
             levels_amsl_m: scenario.levels_amsl_m(),
             prior: crate::prior::of(scenario, &base),
+            scenario_sources: base.sources.len(),
             base,
             model: None,
             range,
             search: scenario.search.clone(),
-            flux_within: scenario.mission.flux_within,
+            asked_within: (scenario.mission.peak_within, scenario.mission.flux_within),
+            survey: Survey::of(scenario.vehicles.len()),
             duration_s: scenario.mission.duration_s,
             pattern: None,
             phase: Phase::TakeOff,
@@ -256,7 +267,9 @@ impl SquadronController {
             .unwrap_or_else(|| PlumeEstimate::of_base(&self.base));
         let airspace = self.fleet.airspace.clone();
         let reach_m = self.range.far_m + SEARCH_BEYOND_M;
-        let half_m = SEARCH_SIGMAS * estimate.sigmas_m(&self.base, self.range.far_m).1;
+        let far_m = self.range.far_m;
+        let sigma_z_m = estimate.sigmas_m(&self.base, far_m).1;
+        let half_m = SEARCH_SIGMAS * (sigma_z_m + estimate.sigma_sds_m(&self.base, far_m).1);
         let low_m = airspace.clamp_height_m(estimate.height_amsl_m - half_m);
         let high_m = airspace.clamp_height_m(estimate.height_amsl_m + half_m);
         let centre = estimate.source;
@@ -434,8 +447,27 @@ impl SquadronController {
 
     fn handle_model(&mut self, model: &Model) {
         if self.model.as_ref() != Some(model) {
+            self.take_up_sources(model);
             self.model = Some(model.clone());
         }
+    }
+
+    /// Lets passes reach through the plumes of sources that the readings showed, beside the scenario's.
+    fn take_up_sources(&mut self, model: &Model) {
+        let Some(first) = self.base.sources.first().cloned() else {
+            return;
+        };
+        let found = |m: &MechanismSetting| {
+            let is_source = m.id == MechanismId::SecondSource.as_str();
+            let of = |name: &str| m.parameters.get(name).filter(|_| is_source).copied();
+            let (east_m, north_m) = (of("east_m")?, of("north_m")?);
+            let place = Enu::new(first.place.east_m + east_m, first.place.north_m + north_m);
+            let first = first.clone();
+            Some(SourceSpec { place, ..first })
+        };
+        self.base.sources.truncate(self.scenario_sources);
+        let found = model.mechanisms.iter().filter_map(found);
+        self.base.sources.extend(found);
     }
 
     fn decide(&mut self, now: SimTime, out: &mut Outbox) {
@@ -462,8 +494,9 @@ impl SquadronController {
         }
         self.recall(now);
         if let Some(next) = self.next_phase(now) {
-            self.enter_phase(next, out);
+            self.enter_phase(next, now, out);
         }
+        self.note_crossings(now);
         for index in 0..self.fleet.vehicles.len() {
             self.fleet.advance(index, out);
         }
@@ -476,13 +509,15 @@ impl SquadronController {
         self.publish_plan(out);
     }
 
-    fn enter_phase(&mut self, phase: Phase, out: &mut Outbox) {
+    fn enter_phase(&mut self, phase: Phase, now: SimTime, out: &mut Outbox) {
         self.phase = phase;
         let words = match phase {
             Phase::TakeOff => "take-off",
             Phase::Preliminary => "preliminary flight: real vehicles search for the plume",
             Phase::Search => "search: the team searches for the peak",
-            Phase::Characterise => "characterise: real vehicles pass through the peak",
+            Phase::Characterise => {
+                "characterise: real vehicles pass where they learn most of the plume"
+            }
             Phase::Flux => "flux: real vehicles fly a curtain of passes downwind",
             Phase::Home => "home",
         };
@@ -497,6 +532,9 @@ impl SquadronController {
             self.publish_findings(out);
         }
         self.tasks.start_phase(phase, &self.fleet);
+        if phase == Phase::Characterise {
+            self.publish_expected_precision(now, out);
+        }
         if phase == Phase::Home {
             self.recall_all();
         }

@@ -70,7 +70,7 @@ pub struct TeamVehicle {
     pub follows_setpoints: bool,
     /// Since when it does not, or from the mission's start where it never did.
     pub(crate) not_ready_since: SimTime,
-    /// Whether it keeps out of the climbs of real vehicles.
+    /// Whether it keeps out of the climbs and the coming passes of real vehicles: not on its way home.
     pub(crate) gives_way: bool,
     /// Its last order.
     pub order: Option<Order>,
@@ -436,7 +436,7 @@ impl Fleet {
         let waits = self.ways_down.iter().any(|(other, _)| *other == index);
         let ways_down = self.ways_down.iter().filter(|_| !waits).map(|(_, way)| way);
         let v = &self.vehicles[index];
-        let passes = self.passes.iter().filter(|_| !v.real);
+        let passes = self.passes.iter().filter(|_| v.gives_way);
         let climbs = self.climbs.iter().filter(|_| v.gives_way);
         // Who is in the way already may leave.
         let here = v
@@ -459,6 +459,14 @@ impl Fleet {
         ends.all(|other| self.separation.apart(&circle, &other))
             && self.climb_entered(index, end).is_none()
             && self.is_free(index, &circle, |_| true)
+    }
+
+    /// Whether a vehicle that circles at `end` is out of the way of all passes.
+    pub(crate) fn is_clear_of_passes(&self, index: usize, end: Position) -> bool {
+        let circle = Corridor::straight(end, end, self.vehicles[index].circle_m);
+        self.passes
+            .iter()
+            .all(|pass| self.separation.apart(&circle, pass))
     }
 
     /// The first climb of a real vehicle that one which has to keep clear would be in while it circles at `end`.

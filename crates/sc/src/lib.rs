@@ -5,7 +5,7 @@
 //! take-off, preliminary flight (real vehicles look for the plume, by passes or, where its direction
 //! is not known, by the [`csea::SearchStrategy`]), search (from the first reading of the plume on:
 //! real vehicles fly crosswind passes that show its axis, height and strength, the others follow the
-//! strategy over all readings), characterisation (real vehicles pass through the peak), flux (a
+//! strategy over all readings), characterisation (real vehicles pass where it tells most of the plume), flux (a
 //! curtain of passes) and home. Each begins as soon as the belief allows it.
 //!
 //! - [`route_graph`]: routes around fence and keep-outs;
@@ -14,6 +14,7 @@
 //! - [`plume_estimate`]: where the plume is, as far as is known;
 //! - [`patterns`]: curtains, profiles, spirals and transects of aircraft that can stop;
 //! - [`passes`]: straight passes through the plume;
+//! - [`information`]: what crossings tell, by which the next is chosen;
 //! - [`controller`]: the agent and its phases.
 //!
 //! At every decision it publishes a plan, by which the vehicles know that it is alive:
@@ -40,6 +41,7 @@
 pub mod controller;
 mod error;
 pub mod fleet;
+pub mod information;
 pub mod passes;
 pub mod patterns;
 pub mod plume_estimate;

@@ -2,12 +2,13 @@
 //!
 //! A crosswind pass shows the axis by its centre, σy by its width and the strength by its
 //! height; passes at other heights through the same cross-section show H and σz, and passes at
-//! another distance whether the two grow as the model has it. Each pass reaches clean air on
-//! both sides of the plume, which shows the background and keeps a lagging sensor honest.
+//! another distance whether the two grow as the model has it. A pass is as long as the plume is wide and its axis
+//! uncertain, and no longer: eddies displace the plume from crossing to crossing, and their number is what counts. Clean
+//! air need not be reached, since the mission's other readings show the background.
 
 use air::geo::Enu;
 use csea::Position;
-use plume::DispersionSpec;
+use plume::{DispersionSpec, SourceSpec};
 use protocol::message::Phase;
 
 use crate::fleet::REACHED_M;
@@ -16,10 +17,12 @@ use scenario::airspace::Airspace;
 
 /// Shortest half width of a pass, m: a fast vehicle is across any narrower plume in seconds.
 const LEAST_HALF_WIDTH_M: f64 = 220.0;
-/// Standard deviations of the axis that a pass reaches beyond the plume's own width.
-const AXIS_SDS: f64 = 2.0;
-/// Half width of the plume in σy, out to 1 % of the axis.
-const PLUME_SIGMAS: f64 = 3.0;
+/// Half width of a pass in standard deviations of where the plume is: 1 % of a normal distribution lies beyond, and the
+/// mass balance of the pass lacks no more.
+const HALF_WIDTH_SDS: f64 = 2.6;
+/// A pass is to be at its height from so many of them before the axis on: the mass balance counts passes that cross the plume
+/// level for two standard deviations to both sides.
+const LEVEL_FROM_SDS: f64 = 2.0;
 /// Steps by which a pass is shortened to fit the airspace, m.
 const SHORTEN_M: f64 = 25.0;
 /// Height of passes off the axis in σz: where a Gaussian's slope is steepest is 1.
@@ -49,16 +52,10 @@ const LOCATE: [Crossing; 10] = [
     at(0.4, -1.0),
 ];
 
-/// Passes around a peak that has been found, in order; they repeat. A plume that meanders is another
-/// at each crossing: most of them are where the peak is.
-const CHARACTERISE: [Crossing; 6] = [
-    at(0.0, 0.0),
-    at(0.0, 1.0),
-    at(0.0, 0.0),
-    at(0.0, -1.0),
-    at(0.6, 0.0),
-    at(1.0, 0.0),
-];
+/// Distances among which passes of a plume that has been located are chosen, as parts of the range, and heights, as
+/// steps.
+const PARTS: [f64; 5] = [0.0, 0.1, 0.25, 0.5, 1.0];
+const STEPS: [f64; 7] = [0.0, 0.5, -0.5, 1.0, -1.0, 1.5, -1.5];
 
 /// A curtain near the peak, from above the plume to below it; the passes through the peak before are part
 /// of it.
@@ -70,14 +67,26 @@ const FLUX: [Crossing; 5] = [
     at(0.0, -2.0),
 ];
 
-/// The passes of a phase.
-pub fn of(phase: Phase) -> &'static [Crossing] {
+/// The `number`-th pass of a phase, from 0, where its passes have an order: those that locate the plume repeat, the
+/// curtain is flown once. All others are chosen among [`candidates`].
+pub fn in_order(phase: Phase, number: usize) -> Option<Crossing> {
     match phase {
-        Phase::Preliminary | Phase::Search => &LOCATE,
-        Phase::Characterise => &CHARACTERISE,
-        Phase::Flux => &FLUX,
-        Phase::TakeOff | Phase::Home => &[],
+        Phase::Preliminary | Phase::Search => LOCATE.get(number % LOCATE.len()).copied(),
+        Phase::Flux => FLUX.get(number).copied(),
+        Phase::Characterise | Phase::TakeOff | Phase::Home => None,
     }
+}
+
+/// Passes among which the next one is chosen.
+pub fn candidates() -> impl Iterator<Item = Crossing> {
+    PARTS
+        .into_iter()
+        .flat_map(|part| STEPS.into_iter().map(move |step| at(part, step)))
+}
+
+/// The lowest and the highest candidate nearest to the source: between them most passes are flown.
+pub fn nearest() -> [Crossing; 2] {
+    [at(PARTS[0], STEPS[6]), at(PARTS[0], STEPS[5])]
 }
 
 const fn at(part: f64, step: f64) -> Crossing {
@@ -91,6 +100,12 @@ pub struct Pass {
     pub from: Position,
     /// Where it ends, at the same height unless terrain is followed.
     pub to: Position,
+    /// Where it crosses the axis.
+    pub axis: Position,
+    /// Distance of that from the source, m.
+    pub distance_m: f64,
+    /// How far it is from its beginning to where it is to be at its height, m.
+    pub lead_m: f64,
 }
 
 /// Distances from the source between which passes are flown.
@@ -101,12 +116,12 @@ pub struct PassRange {
     /// Farthest, m.
     pub far_m: f64,
     /// How far a pass is planned beyond the plume where it leaves it, m: a vehicle turns before the end of its
-    /// way, and its sensor has to come back to clean air.
+    /// way, and its sensor lags.
     pub beyond_m: f64,
 }
 
-/// Time constants after which a sensor reads clean air again, to 5 %.
-const BACK_TO_CLEAN: f64 = 3.0;
+/// Time constants by which a sensor reads the plume late.
+const LAGS: f64 = 1.0;
 
 impl PassRange {
     /// From the edge of the keep-out, with the margin for turns, to the distance at which c_MAX
@@ -116,7 +131,7 @@ impl PassRange {
         Self {
             near_m,
             far_m: stated_m.max(1.5 * near_m),
-            beyond_m: REACHED_M + BACK_TO_CLEAN * lag_m,
+            beyond_m: REACHED_M + LAGS * lag_m,
         }
     }
 }
@@ -134,9 +149,13 @@ pub fn plan(
 ) -> Option<Pass> {
     let distance_m = range.near_m + crossing.part * (range.far_m - range.near_m);
     let ends = across_ends(estimate, base, airspace, distance_m, margin_m)?;
+    let axis = estimate.place(distance_m, 0.0);
     let sigma_z_m = estimate.sigmas_m(base, distance_m).1;
-    // As long as H is hardly known, the steps must reach as far as it may be off.
-    let off_m = (OFF_AXIS_SIGMAS * sigma_z_m).max(estimate.height_sd_m.min(2.0 * sigma_z_m));
+    let sigma_z_sd_m = estimate.sigma_sds_m(base, distance_m).1.min(sigma_z_m);
+    // As long as H and σz are hardly known, the steps must reach as far as they may be off.
+    let off_m = (OFF_AXIS_SIGMAS * sigma_z_m)
+        .hypot(sigma_z_sd_m)
+        .max(estimate.height_sd_m.min(2.0 * sigma_z_m));
     let wanted_m = estimate.height_amsl_m + crossing.step * off_m;
     let [mut from, mut to] = ends;
     // Flown from the nearer end; either direction shows the same.
@@ -154,10 +173,52 @@ pub fn plan(
         at,
         height_m: airspace.clamp_at_m(at, wanted_m),
     };
+    let level_m = LEVEL_FROM_SDS * estimate.across_sd_m(base, distance_m);
     Some(Pass {
         from: at(from),
         to: at(to),
+        axis: at(axis),
+        distance_m,
+        lead_m: (from.distance_m(axis) - level_m).max(0.0),
     })
+}
+
+/// Half width of a pass through the plume of one source at a distance from it, m.
+fn half_width_m(estimate: &PlumeEstimate, base: &DispersionSpec, distance_m: f64) -> f64 {
+    (HALF_WIDTH_SDS * estimate.across_sd_m(base, distance_m)).max(LEAST_HALF_WIDTH_M)
+}
+
+/// How far a pass at a distance reaches to the left of the axis and to the right of it, m: through the first source's
+/// plume, and those of other sources of the scenario that lie in it or touch it.
+fn reach_m(estimate: &PlumeEstimate, base: &DispersionSpec, distance_m: f64) -> [f64; 2] {
+    let half_m = half_width_m(estimate, base, distance_m);
+    let other = |source: &SourceSpec| {
+        let [along_m, right_m] = estimate.along_and_right_m(source.place);
+        let other_m = half_width_m(estimate, base, (distance_m - along_m).max(0.0));
+        let touches = along_m < distance_m && right_m.abs() < half_m + other_m;
+        touches.then_some([other_m - right_m, other_m + right_m])
+    };
+    let others = base.sources.iter().filter_map(other);
+    others.fold([half_m; 2], |[left, right], [l, r]| {
+        [left.max(l), right.max(r)]
+    })
+}
+
+/// Whether a vehicle at `here` on `pass` has left the plume behind as it is known now: a pass that was planned on less
+/// ends there.
+pub fn has_left_plume(
+    pass: &Pass,
+    estimate: &PlumeEstimate,
+    base: &DispersionSpec,
+    range: PassRange,
+    here: Enu,
+) -> bool {
+    let [distance_m, right_m] = estimate.along_and_right_m(here);
+    let side = |at: Enu| estimate.along_and_right_m(at)[1].signum();
+    let (from, to) = (side(pass.from.at), side(pass.to.at));
+    let [left_m, to_right_m] = reach_m(estimate, base, distance_m.max(0.0));
+    let out_m = if to < 0.0 { left_m } else { to_right_m };
+    from != to && right_m * to >= out_m + range.beyond_m - REACHED_M
 }
 
 fn across_ends(
@@ -167,11 +228,8 @@ fn across_ends(
     distance_m: f64,
     margin_m: f64,
 ) -> Option<[Enu; 2]> {
-    let axis_sd_m = distance_m * estimate.axis_sd_deg.to_radians();
-    let sigma_y_m = estimate.sigmas_m(base, distance_m).0;
-    let half_m = (AXIS_SDS * axis_sd_m + PLUME_SIGMAS * sigma_y_m).max(LEAST_HALF_WIDTH_M);
-    let end = |side: f64| {
-        let mut out_m = half_m;
+    let [left_m, right_m] = reach_m(estimate, base, distance_m);
+    let end = |side: f64, mut out_m: f64| {
         while out_m > 0.0 {
             let at = estimate.place(distance_m, side * out_m);
             if airspace.clearance_m(at) >= margin_m {
@@ -181,7 +239,7 @@ fn across_ends(
         }
         None
     };
-    let ends = [end(-1.0)?, end(1.0)?];
+    let ends = [end(-1.0, left_m)?, end(1.0, right_m)?];
     airspace
         .leg_is_clear(ends[0], ends[1], margin_m)
         .then_some(ends)

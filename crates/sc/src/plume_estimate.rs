@@ -5,11 +5,11 @@ use plume::DispersionSpec;
 use plume::sigma::{sigma_y_m, sigma_z_m};
 use protocol::message::Model;
 
-/// Factors on σ outside these are not used in planning: an estimate that has gone astray
-/// must not lead the passes out of the plume.
-const LEAST_FACTOR: f64 = 0.3;
+/// Factors on σ outside these are not used in planning, two usual standard deviations from 1: an estimate that has gone
+/// astray must not lead the passes out of the plume.
+const LEAST_FACTOR: f64 = 0.55;
 /// See [`LEAST_FACTOR`].
-const GREATEST_FACTOR: f64 = 2.5;
+const GREATEST_FACTOR: f64 = 1.8;
 
 /// Where the plume is estimated to be, with uncertainties.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,27 +24,26 @@ pub struct PlumeEstimate {
     pub height_amsl_m: f64,
     /// Its standard deviation, m.
     pub height_sd_m: f64,
-    /// c_MAX's standard deviation as a part of it.
-    pub strength_sd: f64,
-    /// Factors on σy and σz, each with one standard deviation added: passes had rather be long.
+    /// Factors on σy and σz.
     pub sigma_factors: (f64, f64),
+    /// Their standard deviations.
+    pub sigma_factor_sds: (f64, f64),
 }
 
 impl PlumeEstimate {
     /// From a corrected model.
     pub fn of(model: &Model, base: &DispersionSpec) -> Self {
-        // A third of the sensor's noise: 1 ppm of CO2.
-        let least_ppm = (base.sensor.noise_sd_ppm / 3.0).max(f64::MIN_POSITIVE);
-        let [y, z] = [&model.sigma_y_scale, &model.sigma_z_scale]
-            .map(|s| (s.value + s.sd).clamp(LEAST_FACTOR, GREATEST_FACTOR));
+        let factors = [&model.sigma_y_scale, &model.sigma_z_scale];
+        let [y, z] = factors.map(|s| s.value.clamp(LEAST_FACTOR, GREATEST_FACTOR));
+        let [y_sd, z_sd] = factors.map(|s| s.sd.clamp(0.0, GREATEST_FACTOR));
         Self {
             source: base.sources.first().map_or(Enu::default(), |s| s.place),
             axis_deg: model.axis_deg.value,
             axis_sd_deg: model.axis_deg.sd.clamp(0.0, 30.0),
             height_amsl_m: base.ground_amsl_m + model.effective_height_agl_m.value,
             height_sd_m: model.effective_height_agl_m.sd.clamp(0.0, 200.0),
-            strength_sd: model.c_max_ppm.sd / model.c_max_ppm.value.max(least_ppm),
             sigma_factors: (y, z),
+            sigma_factor_sds: (y_sd, z_sd),
         }
     }
 
@@ -57,22 +56,45 @@ impl PlumeEstimate {
             axis_sd_deg: 10.0,
             height_amsl_m: base.ground_amsl_m + first.map_or(0.0, |s| s.effective_height_agl_m),
             height_sd_m: 50.0,
-            strength_sd: 1.0,
             sigma_factors: (base.sigma_y_scale, base.sigma_z_scale),
+            sigma_factor_sds: (0.0, 0.0),
         }
     }
 
-    /// Spread (σy, σz) at a distance, generously, m.
+    /// Spread (σy, σz) at a distance, m.
     pub fn sigmas_m(&self, base: &DispersionSpec, distance_m: f64) -> (f64, f64) {
-        (
-            self.sigma_factors.0 * sigma_y_m(distance_m, base.stability, base.setting),
-            self.sigma_factors.1 * sigma_z_m(distance_m, base.stability, base.setting),
-        )
+        scaled_sigmas_m(self.sigma_factors, base, distance_m)
     }
 
-    /// Whether passes have shown enough: axis to 1.5°, height to 8 m, c_MAX to 8 %.
-    pub fn is_precise(&self) -> bool {
-        self.axis_sd_deg < 1.5 && self.height_sd_m < 8.0 && self.strength_sd < 0.08
+    /// Standard deviations of the spread at a distance, m.
+    pub fn sigma_sds_m(&self, base: &DispersionSpec, distance_m: f64) -> (f64, f64) {
+        scaled_sigmas_m(self.sigma_factor_sds, base, distance_m)
+    }
+
+    /// Standard deviation of where a bit of the plume is across the axis at a distance, m: by its spread, by what is not
+    /// known of that, and by how far the axis may be off.
+    pub fn across_sd_m(&self, base: &DispersionSpec, distance_m: f64) -> f64 {
+        let sigma_y_m = self.sigmas_m(base, distance_m).0;
+        let sigma_y_sd_m = self.sigma_sds_m(base, distance_m).0;
+        let axis_sd_m = distance_m * self.axis_sd_deg.to_radians();
+        sigma_y_m.hypot(sigma_y_sd_m).hypot(axis_sd_m)
+    }
+
+    /// Whether passes may be planned about the axis: it is known, in direction and height, to the plume's own spread at
+    /// `distance_m`.
+    pub fn is_located(&self, base: &DispersionSpec, distance_m: f64) -> bool {
+        let (sigma_y_m, sigma_z_m) = self.sigmas_m(base, distance_m);
+        distance_m * self.axis_sd_deg.to_radians() < sigma_y_m && self.height_sd_m < sigma_z_m
+    }
+
+    /// How far a place is down the axis from the source and to the right of it, m.
+    pub fn along_and_right_m(&self, at: Enu) -> [f64; 2] {
+        let (sin, cos) = self.axis_deg.to_radians().sin_cos();
+        let (east_m, north_m) = (
+            at.east_m - self.source.east_m,
+            at.north_m - self.source.north_m,
+        );
+        [east_m * sin + north_m * cos, east_m * cos - north_m * sin]
     }
 
     /// The place `distance_m` down the axis and `right_m` to its right.
@@ -81,4 +103,11 @@ impl PlumeEstimate {
             .displaced(self.axis_deg, distance_m)
             .displaced(self.axis_deg + 90.0, right_m)
     }
+}
+
+fn scaled_sigmas_m((y, z): (f64, f64), base: &DispersionSpec, distance_m: f64) -> (f64, f64) {
+    (
+        y * sigma_y_m(distance_m, base.stability, base.setting),
+        z * sigma_z_m(distance_m, base.stability, base.setting),
+    )
 }

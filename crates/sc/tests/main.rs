@@ -7,6 +7,8 @@
 )]
 
 mod common;
+mod information;
 mod mission;
+mod passes;
 mod safety;
 mod take_off;

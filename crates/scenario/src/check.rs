@@ -124,6 +124,7 @@ fn mission(mission: &MissionTable) -> Checked {
     ranges!(mission in "mission";
         duration_s 1.0 to 1e6 "s",
         tick_s 0.001 to 0.1 "s",
+        peak_within 0.01 to 1.0 "a fraction of the peak's excess",
         flux_within 0.01 to 1.0 "a fraction of the flux",
     );
     if let Some(start) = &mission.start

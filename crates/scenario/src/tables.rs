@@ -75,8 +75,11 @@ pub struct MissionTable {
     pub start: Option<String>,
     /// Length of a tick, s.
     pub tick_s: f64,
-    /// The team goes home before its time is up once the peak is confirmed and each source's flux is known to this
-    /// part of it, one standard deviation; none for a mission that takes the time it has.
+    /// The team goes home before its time is up once the peak is confirmed and the half width of its 95 % interval is
+    /// this part of its excess, and what [`MissionTable::flux_within`] asks holds too; none for a mission that asks
+    /// nothing of the peak.
+    pub peak_within: Option<f64>,
+    /// The same for each source's flux by the corrected model. With neither the mission takes the time it has.
     pub flux_within: Option<f64>,
 }
 
@@ -88,6 +91,7 @@ impl Default for MissionTable {
             duration_s: 1800.0,
             start: None,
             tick_s: 0.02,
+            peak_within: None,
             flux_within: None,
         }
     }

@@ -7,7 +7,7 @@ use crate::{
     point, transects,
 };
 use plume::Gas;
-use plume::curtain::{Curtain, Pass, RejectedPass, curtain, passes};
+use plume::curtain::{CleanAir, Curtain, Pass, RejectedPass, curtain, passes};
 use scenario::Scenario;
 use scenario::observations::{Observations, checks};
 use serde::Serialize;
@@ -297,7 +297,10 @@ fn by_curtain(scenario: &Scenario, observations: &Observations) -> Result<Source
     let winds = Winds::new((scenario, &spec), &frame, &checked);
     let wind = |height_agl_m: f64| winds.at(height_agl_m, ALWAYS).vector;
     not_calm(winds.at(mean_height_agl_m(&samples), ALWAYS).speed_m_s)?;
-    let (passes, rejected) = passes(&samples, &site(&spec), spec.sensor.noise_sd_ppm, &wind);
+    let clean = CleanAir::AtEnds {
+        noise_sd_ppm: spec.sensor.noise_sd_ppm,
+    };
+    let (passes, rejected) = passes(&samples, &site(&spec), clean, &wind);
     let Some(found) = curtain(&passes) else {
         return Err(StudyError::Refused(
             "no curtain: expected passes across the wind at three heights at least, at about one distance, with the plume between their ends".into(),

@@ -15,7 +15,7 @@ use crate::wander::{Crossing, Wander};
 use crate::{PassFlux, PlumeFlux, StudyError, Term, budget, not_calm};
 use air::geo::{Enu, wrap_signed_deg};
 use air::wind::WindVector;
-use plume::curtain::{Pass, RejectedPass, Sample, covering, passes};
+use plume::curtain::{CleanAir, Pass, RejectedPass, Sample, covering, passes};
 use scenario::Scenario;
 use scenario::observations::{Observations, checks};
 
@@ -62,7 +62,10 @@ pub fn estimate(scenario: &Scenario, observations: &Observations) -> Result<Plum
             .speed_m_s,
     )?;
     let wind = |height_agl_m: f64| transects.winds.at(height_agl_m, ALWAYS).vector;
-    let (passes, rejected) = passes(&samples, &site(&spec), transects.noise_sd_ppm, &wind);
+    let clean = CleanAir::AtEnds {
+        noise_sd_ppm: transects.noise_sd_ppm,
+    };
+    let (passes, rejected) = passes(&samples, &site(&spec), clean, &wind);
     let is_met = passes.iter().any(|p| transects.is_met(p));
     let used = if is_met {
         let strongest = passes.iter().max_by(|a, b| a.kg_s_m.total_cmp(&b.kg_s_m));

@@ -124,7 +124,9 @@ impl Report {
     pub fn page(&self, summary: &MissionSummary) -> Document {
         let mut page = Document::new("Plumage mission report", &self.site.mission);
         let expected = self.expected();
-        page.lead(&self.lead(summary));
+        let mut lead = self.lead(summary).to_vec();
+        lead.extend(text::not_landed(summary));
+        page.lead(&lead);
         page.cards(&cards(summary));
         self.mission(&mut page, summary);
         self.map(&mut page, summary);

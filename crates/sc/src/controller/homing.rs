@@ -195,11 +195,19 @@ impl SquadronController {
     }
 
     /// When each of `team` is to begin its landing at the latest, s: planned backwards from the
-    /// mission's end, the highest layer last, those that are in each other's way one after the other.
+    /// mission's end, real vehicles last, since they measure, and then the highest layer; those that are in each other's
+    /// way one after the other.
     fn landing_starts_s(&self, team: &[usize]) -> Vec<(usize, f64)> {
         let mut order = team.to_vec();
-        let layer = |k: usize| self.fleet.vehicles[k].layer_amsl_m;
-        order.sort_by(|&a, &b| layer(b).total_cmp(&layer(a)));
+        let vehicles = &self.fleet.vehicles;
+        order.sort_by(|&a, &b| {
+            let real_last = vehicles[b].real.cmp(&vehicles[a].real);
+            real_last.then(
+                vehicles[b]
+                    .layer_amsl_m
+                    .total_cmp(&vehicles[a].layer_amsl_m),
+            )
+        });
         let mut starts: Vec<(usize, f64)> = Vec::new();
         for index in order {
             let low_m = self.lowest_wait_m(index);
@@ -225,7 +233,7 @@ impl SquadronController {
     /// Time that a vehicle needs to above its home and down to where it waits, s.
     fn way_home_s(&self, vehicle: &TeamVehicle) -> f64 {
         let Some(track) = vehicle.track.filter(|s| s.airborne) else {
-            return self.detour_s();
+            return self.detour_s(vehicle);
         };
         let here = track.position;
         let distance_m = here.at.distance_m(vehicle.home.at);
@@ -239,12 +247,22 @@ impl SquadronController {
         let over_ground = (airspeed.powi(2) - across.powi(2)).max(1.0).sqrt() + along;
         let level_s = DETOUR * distance_m / over_ground.max(LEAST_OVER_GROUND_M_S);
         let down_s = (here.height_m - self.levels_amsl_m[0]).max(0.0) / SINK_M_S.0;
-        level_s + down_s + self.detour_s()
+        // Who comes home alone, after all others, goes down on its way; one of several may find lower ways taken.
+        let real = self.fleet.vehicles.iter().enumerate();
+        let is_last = vehicle.real && real.filter(|(k, v)| v.real && self.is_up(*k)).count() <= 1;
+        let flown_s = if is_last {
+            level_s.max(down_s)
+        } else {
+            level_s + down_s
+        };
+        flown_s + self.detour_s(vehicle)
     }
 
-    fn detour_s(&self) -> f64 {
-        let up = (0..self.fleet.vehicles.len()).filter(|&k| self.is_up(k));
-        DETOUR_S.0 + DETOUR_S.1 * up.count() as f64
+    /// What those may cost who come home with a vehicle: real ones find only real ones in their way.
+    fn detour_s(&self, vehicle: &TeamVehicle) -> f64 {
+        let others = self.fleet.vehicles.iter().enumerate();
+        let with = others.filter(|(k, v)| self.is_up(*k) && (v.real || !vehicle.real));
+        DETOUR_S.0 + DETOUR_S.1 * with.count() as f64
     }
 
     /// Centre of the circle beside a vehicle's approach, as far as the wind is known.
@@ -296,22 +314,28 @@ impl SquadronController {
         let here_m = track.position.height_m;
         let mut heights = self.levels_amsl_m.clone();
         let waits = self.waits_above_home(index);
+        let is_under_way = v.order.is_some_and(|o| o.purpose == HOME) && !v.is_held_up();
         match v.order {
-            Some(order) if waits => {
+            // Real vehicles go down on their way as soon as it is free.
+            Some(order) if waits || is_under_way && v.real => {
                 let lower_m = order.to.height_m - self.fleet.separation.height_m;
                 heights.retain(|&h| h < lower_m);
             }
-            Some(order) if order.purpose == HOME && !v.is_held_up() => return,
+            _ if is_under_way => return,
             _ => {
                 heights.push(self.fleet.airspace.clamp_at_m(at, here_m));
-                let off_m = |h: &f64| (h - here_m).abs();
-                heights.sort_by(|a, b| off_m(a).total_cmp(&off_m(b)));
+                // As far as it is free; the others keep clear below those who wait.
+                let rank = |h: &f64| match v.real {
+                    true if *h <= here_m => *h,
+                    _ => here_m + (h - here_m).abs(),
+                };
+                heights.sort_by(|a, b| rank(a).total_cmp(&rank(b)));
             }
         }
         let sent = self
             .fleet
             .send_at_free_height(index, at, &heights, HOME, out);
-        if !sent && !waits {
+        if !sent && !waits && !is_under_way {
             self.change_height(index, at, &heights, out);
         }
     }

@@ -135,9 +135,9 @@ impl SquadronController {
                     .flatten()
                     .any(|w| w.stage == Stage::Flying)
             {
-                self.enter_phase(Phase::Search, out);
+                self.enter_phase(Phase::Search, now, out);
             } else if flight.is_over() && self.phase != Phase::Home {
-                self.enter_phase(Phase::Home, out);
+                self.enter_phase(Phase::Home, now, out);
             }
         }
         self.pattern = Some(flight);

@@ -1,9 +1,9 @@
 //! When the mission goes on to its next phase: as soon as the belief allows it, and when time asks for it.
 
 use protocol::SimTime;
-use protocol::message::{Flux, FluxMethod, PeakStatus, Phase};
+use protocol::message::{Flux, FluxMethod, Peak, PeakStatus, Phase};
 
-use super::SquadronController;
+use super::{HALF_WIDTH_95_SD, SquadronController};
 use crate::fleet::TeamVehicle;
 use crate::tasks::VehicleTask;
 
@@ -41,8 +41,7 @@ impl SquadronController {
                 (self.has_read_plume() || late || real == 0).then_some(Phase::Search)
             }
             Phase::Search => {
-                let located = self.tasks.passes_flown >= LOCATING_PASSES
-                    && self.estimate().is_some_and(|e| e.is_precise());
+                let located = self.tasks.passes_flown >= LOCATING_PASSES && self.is_well_located();
                 let passes = real > 0 && self.model.is_some();
                 (passes && (located || due(CHARACTERISE_FROM))).then_some(Phase::Characterise)
             }
@@ -51,18 +50,36 @@ impl SquadronController {
         }
     }
 
-    /// Whether all that the mission is for is known: the peak is confirmed, and what the sources emit to what the
-    /// scenario asks for. Never where it asks for nothing.
+    /// Whether the plume is known well enough for passes about its axis.
+    fn is_well_located(&self) -> bool {
+        let near_m = self.range.near_m;
+        self.estimate()
+            .is_some_and(|e| e.is_located(&self.base, near_m))
+    }
+
+    /// Whether all that the scenario asks for is known: the peak is confirmed, and it and what the sources emit have
+    /// 95 % intervals as narrow as asked. Never where the scenario asks for nothing.
     fn knows_enough(&self) -> bool {
-        let (Some(within), Some(model)) = (self.flux_within, &self.model) else {
+        let Some(model) = &self.model else {
             return false;
         };
+        let confirmed = model.peak.filter(|p| p.status == PeakStatus::Confirmed);
+        let background_ppm = model.background_ppm.value;
+        let is_peak_known = |within: f64| {
+            let excess =
+                |p: &Peak| HALF_WIDTH_95_SD * p.sd_ppm <= within * (p.co2_ppm - background_ppm);
+            confirmed.is_some_and(|p| excess(&p))
+        };
         let inferred = |f: &&Flux| f.method == FluxMethod::Inference;
-        let mut fluxes = model.flux.iter().filter(inferred).peekable();
-        let confirmed = model
-            .peak
-            .is_some_and(|p| p.status == PeakStatus::Confirmed);
-        confirmed && fluxes.peek().is_some() && fluxes.all(|f| f.kg_s.sd <= within * f.kg_s.value)
+        let is_flux_known = |within: f64| {
+            let mut fluxes = model.flux.iter().filter(inferred).peekable();
+            let is_known = |f: &Flux| HALF_WIDTH_95_SD * f.kg_s.sd <= within * f.kg_s.value;
+            fluxes.peek().is_some() && fluxes.all(is_known)
+        };
+        let (peak, flux) = self.asked_within;
+        let asks = peak.is_some() || flux.is_some();
+        let known = peak.is_none_or(is_peak_known) && flux.is_none_or(is_flux_known);
+        asks && confirmed.is_some() && known
     }
 
     fn after_take_off(&self, now: SimTime, real: usize) -> Option<Phase> {

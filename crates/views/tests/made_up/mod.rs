@@ -68,6 +68,8 @@ pub fn known() -> SummaryContext {
     let numbers =
         |axis, height, c_max| ModelNumbers::from(&synthetic::model(axis, height, c_max, 0));
     SummaryContext {
+        source_deg: (43.4417, -7.8631),
+        noise_ppm: 3.0,
         gas: record::colour::Shown::CO2.gas,
         scenario: synthetic::scenario(449.0),
         seed: 7,

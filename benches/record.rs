@@ -30,6 +30,7 @@ fn ours(path: &Path, said: &[(Topic, Envelope)]) -> u64 {
         gas: plume::Gas::Co2,
         files: BTreeMap::new(),
         start_unix_ns: None,
+        state_hz: None,
         seed: 1,
         versions: BTreeMap::new(),
     };

@@ -15,7 +15,9 @@ use crate::ros2::{Ros2, Ros2Arguments};
 use crate::{Failure, preflight, ranges, runtime, site};
 use anyhow::Context as _;
 use mav_bridge::link::LinkAddress;
+use mission::run::{MESSAGES_WORTH_A_THREAD, beside};
 use mission::{Run, Setup};
+use protocol::bus::Publication;
 use protocol::message::{Control, ControlWish, Message, Phase};
 use stand_in::TeamWish;
 use std::io::IsTerminal as _;
@@ -270,9 +272,11 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
             .collect(),
         run,
         outputs,
+        behind: Arc::default(),
         page,
     };
     let failed = flight.fly().err();
+    flight.catch_up();
     if let Some(ros2) = flight.ros2.take() {
         ros2.close();
     }
@@ -298,6 +302,8 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
 struct Flight {
     run: Run,
     outputs: Outputs,
+    /// What was said in the last tick, where the outputs have not taken it yet.
+    behind: Arc<Vec<Publication>>,
     page: Option<LivePage>,
     bar: Bar,
     pace: Pace,
@@ -331,6 +337,7 @@ impl Flight {
             self.tell_that_it_goes_on();
             self.obey();
             if self.paused {
+                self.catch_up();
                 self.outputs.flush();
                 self.show();
                 std::thread::sleep(Duration::from_millis(20));
@@ -339,14 +346,14 @@ impl Flight {
             self.keep_pace();
             self.outside.serve(&mut self.run)?;
             self.serve_ground_station()?;
-            let said = self.run.step();
+            let said = self.step();
+            let said = said.as_slice();
             if let Some(station) = &mut self.ground_station {
                 station.take(said);
             }
             if let Some(ros2) = &mut self.ros2 {
                 ros2.take(said);
             }
-            self.outputs.take(said);
             if let Some(page) = &mut self.page {
                 page.take(said);
             }
@@ -371,6 +378,32 @@ impl Flight {
             );
         }
         Ok(())
+    }
+
+    /// Runs the next tick and returns what was said in it. Of a large team the outputs follow a tick later, beside the
+    /// next one.
+    fn step(&mut self) -> Arc<Vec<Publication>> {
+        let behind = std::mem::take(&mut self.behind);
+        let (run, outputs) = (&mut self.run, &mut self.outputs);
+        beside(
+            behind.len(),
+            || outputs.take(&behind),
+            || {
+                run.step();
+            },
+        );
+        let said = Arc::clone(self.run.said());
+        self.behind = Arc::clone(&said);
+        if said.len() < MESSAGES_WORTH_A_THREAD {
+            self.catch_up();
+        }
+        said
+    }
+
+    /// Lets the outputs take what they are behind.
+    fn catch_up(&mut self) {
+        let behind = std::mem::take(&mut self.behind);
+        self.outputs.take(&behind);
     }
 
     /// Says once that the mission goes on beyond its time, since a real vehicle is not down.
@@ -420,6 +453,7 @@ impl Flight {
     fn keep_pace(&mut self) {
         let wait = self.pace.wait(self.run.now().s());
         if wait > Duration::from_millis(500) {
+            self.catch_up();
             self.outputs.flush();
         }
         if !wait.is_zero() {

@@ -138,6 +138,14 @@ impl FlightSim {
         self.flags = FlightFlags::default();
     }
 
+    /// Adds the air's motion to the vehicle's, so that its flight through the air stays the same.
+    pub(crate) fn drift_with(&mut self, wind_ned_m_s: [f64; 3]) {
+        for (k, wind) in wind_ned_m_s.into_iter().enumerate() {
+            self.body.vel_ned[k] += wind - self.wind_ned[k];
+        }
+        self.wind_ned = wind_ned_m_s;
+    }
+
     /// Replaces motion and attitude (for tests, system identification and replays); the servos
     /// and the motor stay. The quaternion is normalised; values that are not finite are ignored.
     pub fn set_motion(&mut self, vel_ned_m_s: [f64; 3], attitude: [f64; 4], rate_rad_s: [f64; 3]) {

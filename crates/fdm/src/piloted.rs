@@ -45,34 +45,34 @@ impl PilotedFlight {
         Ok(Self { craft })
     }
 
-    /// A vehicle in steady flight: a fixed wing at an airspeed, a multirotor in hover.
+    /// A vehicle in steady flight at `position`, m north and east of the origin and above mean sea level: a fixed wing
+    /// at an airspeed in the wind, a multirotor in hover.
     ///
     /// # Errors
     /// An aircraft that cannot fly, or not at that airspeed.
     pub fn airborne(
         airframe: &Airframe,
-        north_m: f64,
-        east_m: f64,
-        alt_amsl_m: f64,
+        position: [f64; 3],
         heading_deg: f64,
         airspeed_m_s: f64,
+        wind_ned_m_s: [f64; 3],
     ) -> Result<Self, FdmError> {
+        let [north_m, east_m, alt_amsl_m] = position;
         let craft = match airframe {
             Airframe::FixedWing(aircraft) => {
                 let limits = aircraft.limits;
                 let airspeed_m_s =
                     airspeed_m_s.clamp(limits.airspeed_min_m_s, limits.airspeed_max_m_s);
-                Craft::FixedWing(Box::new((
-                    FlightSim::airborne(
-                        aircraft,
-                        north_m,
-                        east_m,
-                        alt_amsl_m,
-                        heading_deg,
-                        airspeed_m_s,
-                    )?,
-                    Autopilot::new(aircraft),
-                )))
+                let mut sim = FlightSim::airborne(
+                    aircraft,
+                    north_m,
+                    east_m,
+                    alt_amsl_m,
+                    heading_deg,
+                    airspeed_m_s,
+                )?;
+                sim.drift_with(wind_ned_m_s);
+                Craft::FixedWing(Box::new((sim, Autopilot::new(aircraft))))
             }
             Airframe::Multirotor(aircraft) => Craft::Multirotor(Box::new((
                 MultirotorSim::airborne(aircraft, north_m, east_m, alt_amsl_m, heading_deg)?,

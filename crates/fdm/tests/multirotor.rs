@@ -128,7 +128,7 @@ impl Weather {
 }
 
 fn airborne() -> PilotedFlight {
-    PilotedFlight::airborne(&airframe(), 0.0, 0.0, 30.0, 0.0, 0.0).unwrap()
+    PilotedFlight::airborne(&airframe(), [0.0, 0.0, 30.0], 0.0, 0.0, [0.0; 3]).unwrap()
 }
 
 fn at(north_m: f64, east_m: f64, airspeed_m_s: f64) -> Demand {

@@ -59,7 +59,8 @@ fn flown(
     context: SummaryContext,
     watch: &mut impl FnMut(&Topic, &Envelope, &Summariser),
 ) -> Result<MissionSummary, MissionError> {
-    let mut run = Run::new(setup)?;
+    // A campaign flies as many missions at a time as there are processors.
+    let mut run = Run::new(setup)?.on_one_thread();
     let mut summariser = Summariser::new(context);
     while !run.ended() {
         for (topic, envelope) in run.step() {

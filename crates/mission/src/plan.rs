@@ -119,7 +119,7 @@ pub struct Forecast {
 /// A team without a real vehicle, or a mission that cannot be flown.
 pub fn fly(setup: &Setup, number: u64) -> Result<Flight, MissionError> {
     let setup = in_a_reality(setup, number)?;
-    let mut run = Run::new(&setup)?;
+    let mut run = Run::new(&setup)?.on_one_thread();
     let mut summariser = Summariser::new(campaign::summary_context(&setup)?);
     let mut watch = Watch::default();
     while !run.ended() {

@@ -4,7 +4,7 @@
 
 use crate::setup::{NEAR_HOME_M, highest_near_home_m};
 use crate::{MissionError, Setup};
-use air::geo::{Enu, Geodetic};
+use air::geo::{Enu, Geodetic, Position};
 use fdm::Airframe;
 use fdm::dynamics::Dynamics;
 use sc::SquadronController;
@@ -12,6 +12,7 @@ use sc::controller::LEAST_OVER_GROUND_M_S;
 use sc::fleet::{MARGIN_M, ORBIT_M};
 use scenario::Scenario;
 use scenario::airspace::Airspace;
+use scenario::bounds::Bounds;
 use scenario::tables::VehicleTable;
 
 /// A wind above this part of the airspeed is doubtful: gusts of the tenth part of it, three times
@@ -95,6 +96,7 @@ pub fn check(setup: &Setup) -> Result<Vec<Finding>, MissionError> {
     }
     found.extend(wind(setup)?);
     found.extend(homes(setup, &airspace)?);
+    found.extend(starts_in_flight(setup, &airspace)?);
     found.extend(sources(&setup.scenario, &airspace));
     found.extend(ground(setup, &airspace)?);
     found.extend(room(&setup.scenario, &airspace));
@@ -384,6 +386,69 @@ fn homes(setup: &Setup, airspace: &Airspace) -> Result<Vec<Finding>, MissionErro
         before.push((vehicle, home));
     }
     Ok(found)
+}
+
+/// Whether vehicles that start in flight are where they may fly, and apart.
+fn starts_in_flight(setup: &Setup, airspace: &Airspace) -> Result<Vec<Finding>, MissionError> {
+    let scenario = &setup.scenario;
+    let mut found = Vec::new();
+    let mut starts: Vec<(&str, Position)> = Vec::new();
+    for (index, vehicle) in scenario.vehicles.iter().enumerate() {
+        let (Some(start), id) = (vehicle.airborne, &vehicle.id) else {
+            continue;
+        };
+        let place = Geodetic::new(start.lat_deg, start.lon_deg);
+        let at = airspace.frame().to_enu(place);
+        let ground_m = setup.terrain.ground_amsl_m(place);
+        let keep_out_m = airspace.keep_out_m();
+        let in_keep_out = |stack: &Enu| stack.distance_m(at) < keep_out_m;
+        let why = if let Some(why) = Bounds::of(scenario, index)?.refuses(place, start.alt_amsl_m) {
+            Some(why)
+        } else if airspace.stacks().iter().any(in_keep_out) {
+            Some(format!(
+                "it is within {keep_out_m:.0} m of a stack, inside the keep-out"
+            ))
+        } else {
+            (start.alt_amsl_m <= ground_m)
+                .then(|| format!("the ground there is at {ground_m:.0} m AMSL"))
+        };
+        found.extend(why.map(|why| {
+            let words = format!(
+                "vehicle {id} cannot start in flight at {}, {}: {why}; expected vehicle.airborne inside the fence, \
+                 between floor and ceiling",
+                start.lat_deg, start.lon_deg
+            );
+            refused("airborne", words)
+        }));
+        let position = Position {
+            at,
+            height_m: start.alt_amsl_m,
+        };
+        starts.push((id, position));
+    }
+    found.extend(closest_starts(scenario, &starts));
+    Ok(found)
+}
+
+/// The first two vehicles that start closer than the team keeps apart.
+fn closest_starts(scenario: &Scenario, starts: &[(&str, Position)]) -> Option<Finding> {
+    let fence = &scenario.fence;
+    let is_close = |a: &Position, b: &Position| {
+        (a.height_m - b.height_m).abs() < fence.separation_height_m
+            && a.at.distance_m(b.at) < fence.separation_m
+    };
+    starts.iter().enumerate().find_map(|(k, (id, here))| {
+        let (other, there) = starts[..k].iter().find(|(_, there)| is_close(here, there))?;
+        let words = format!(
+            "vehicles {other} and {id} start in flight {:.0} m apart and {:.0} m in height; expected at least \
+             fence.separation_m = {} or fence.separation_height_m = {}",
+            here.at.distance_m(there.at),
+            (here.height_m - there.height_m).abs(),
+            fence.separation_m,
+            fence.separation_height_m
+        );
+        Some(warned("airborne", words))
+    })
 }
 
 /// Whether the terrain is what the scenario says, and whether layers and floor are above it.

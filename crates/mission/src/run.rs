@@ -9,10 +9,12 @@ use protocol::key::Name;
 use protocol::message::{Control, Destination};
 use protocol::{Agent as _, Message, SimTime, Topic};
 use scenario::tables::VehicleKind;
+use std::sync::Arc;
 
 /// A mission under way.
 pub struct Run {
     conductor: Conductor<Member>,
+    /// Of all ticks but the last.
     digest: Digest,
     ticks: u64,
 }
@@ -66,6 +68,15 @@ impl Run {
         })
     }
 
+    /// The same on the caller's thread alone, as a mission of a campaign that flies others at the same time.
+    #[must_use]
+    pub fn on_one_thread(self) -> Self {
+        Self {
+            conductor: self.conductor.on_one_thread(),
+            ..self
+        }
+    }
+
     /// Lets a vehicle that is not of the team take part, before the first tick.
     ///
     /// # Errors
@@ -104,15 +115,35 @@ impl Run {
         if self.conductor.next_tick() == self.ticks && self.is_anybody_up() {
             self.ticks += 1;
         }
-        let said = match self.conductor.next_tick().cmp(&self.ticks) {
-            std::cmp::Ordering::Less => self.conductor.step(),
-            std::cmp::Ordering::Equal => self.conductor.stop(),
+        let is_last = match self.conductor.next_tick().cmp(&self.ticks) {
+            std::cmp::Ordering::Less => false,
+            std::cmp::Ordering::Equal => true,
             std::cmp::Ordering::Greater => return &[],
         };
-        for (topic, envelope) in said {
-            self.digest.add(topic, envelope);
-        }
-        said
+        let (conductor, digest) = (&mut self.conductor, &mut self.digest);
+        let before = Arc::clone(conductor.said());
+        let shared = if conductor.shares_work() {
+            before.len()
+        } else {
+            0
+        };
+        beside(
+            shared,
+            || add(digest, &before),
+            || {
+                if is_last {
+                    conductor.stop();
+                } else {
+                    conductor.step();
+                }
+            },
+        );
+        self.said()
+    }
+
+    /// What was said in the last tick.
+    pub fn said(&self) -> &Arc<Vec<Publication>> {
+        self.conductor.said()
     }
 
     /// Whether a vehicle behind a link is in the air or armed.
@@ -164,8 +195,32 @@ impl Run {
 
     /// Digest of all that was said so far.
     pub fn digest(&self) -> String {
-        self.digest.hex()
+        let mut digest = self.digest.clone();
+        add(&mut digest, self.said());
+        digest.hex()
     }
+}
+
+fn add(digest: &mut Digest, said: &[Publication]) {
+    for (topic, envelope) in said {
+        digest.add(topic, envelope);
+    }
+}
+
+/// Messages of a tick that take longer to follow than it takes to wake a thread, some 50 µs.
+pub const MESSAGES_WORTH_A_THREAD: usize = 200;
+
+/// Does `follow` with the `messages` of the tick before while `next` runs, if they are many.
+pub fn beside<T: Send>(
+    messages: usize,
+    follow: impl FnOnce() + Send,
+    next: impl FnOnce() -> T + Send,
+) -> T {
+    if messages < MESSAGES_WORTH_A_THREAD {
+        follow();
+        return next();
+    }
+    rayon::join(next, follow).0
 }
 
 fn refuse_outside(setup: &Setup) -> Result<(), MissionError> {

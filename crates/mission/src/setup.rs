@@ -235,8 +235,9 @@ impl Setup {
                 VehicleKind::Simulated
             };
             vehicle.forget_link();
-            if vehicle.kind == VehicleKind::Simulated {
-                vehicle.outer_loop = OuterLoopKind::default();
+            match vehicle.kind {
+                VehicleKind::Simulated => vehicle.outer_loop = OuterLoopKind::default(),
+                VehicleKind::StandIn | VehicleKind::Mavlink => vehicle.airborne = None,
             }
         }
         Ok(self)
@@ -248,6 +249,7 @@ impl Setup {
         if let Some(vehicle) = self.scenario.vehicles.get_mut(index) {
             vehicle.kind = VehicleKind::Mavlink;
             vehicle.link = vec![link];
+            vehicle.airborne = None;
         }
         self
     }

@@ -6,6 +6,7 @@
     reason = "a test may fail by a panic"
 )]
 
+mod airborne;
 mod guardian;
 mod outer_loop;
 mod plan;

@@ -179,3 +179,47 @@ fn a_team_needs_room_and_time() {
         &["time for about", "for all 6"],
     );
 }
+
+#[test]
+fn starts_in_flight_are_inside_the_fence_and_apart() {
+    const HOMES: [&str; 2] = [
+        "home = { lat_deg = 43.4300, lon_deg = -7.8420 }",
+        "home = { lat_deg = 43.4300, lon_deg = -7.8412 }",
+    ];
+    let start = |home: &str, lon_deg: f64, alt_amsl_m: f64| {
+        format!(
+            "{home}\nairborne = {{ lat_deg = 43.43, lon_deg = {lon_deg}, alt_amsl_m = {alt_amsl_m}, heading_deg = 0.0 }}"
+        )
+    };
+    let starts = |lon_deg: f64, alt_amsl_m: f64| {
+        let first = start(HOMES[0], -7.875, 800.0);
+        found(&[
+            (HOMES[0], &first),
+            (HOMES[1], &start(HOMES[1], lon_deg, alt_amsl_m)),
+        ])
+    };
+    // 0.003 degrees of longitude are 243 m on this latitude, 0.001 are 81 m.
+    assert_eq!(starts(-7.878, 800.0), []);
+    assert_eq!(starts(-7.876, 835.0), []);
+    let close = starts(-7.876, 820.0);
+    says(
+        &close,
+        Verdict::Warned,
+        "airborne",
+        &["1 and 2", "81 m apart", "20 m in height"],
+    );
+    // The fence's western edge is at 7.905 degrees west, the ceiling at 1,240 m above mean sea level, the stack at
+    // 43.4417, -7.8631 with a keep-out of 1,000 m.
+    for (lon_deg, alt_amsl_m, part) in [
+        (-7.91, 800.0, "outside the fence"),
+        (-7.878, 1300.0, "expected at most"),
+        (-7.878, 350.0, "expected at least"),
+        (-7.8631, 400.0, "expected at least"),
+    ] {
+        let out = starts(lon_deg, alt_amsl_m);
+        says(&out, Verdict::Refused, "airborne", &["vehicle 2", part]);
+    }
+    let near = start(HOMES[1], -7.8631, 800.0).replace("lat_deg = 43.43,", "lat_deg = 43.436,");
+    let out = found(&[(HOMES[1], &near)]);
+    says(&out, Verdict::Refused, "airborne", &["keep-out"]);
+}

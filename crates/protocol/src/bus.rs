@@ -12,7 +12,8 @@ use crate::key::{AgentId, Interest, Topic};
 use crate::message::Message;
 use crate::time::SimTime;
 use rayon::prelude::*;
-use std::collections::BTreeMap;
+use std::collections::HashMap;
+use std::sync::Arc;
 
 /// One message that went over the bus.
 pub type Publication = (Topic, Envelope);
@@ -20,8 +21,8 @@ pub type Publication = (Topic, Envelope);
 /// Index of subscriptions by topic: with a thousand vehicles no agent can filter all messages.
 #[derive(Default)]
 struct Routes {
-    /// Places of members by topic …
-    one: BTreeMap<Topic, Vec<usize>>,
+    /// Places of members by topic; nobody iterates over it …
+    one: HashMap<Topic, Vec<usize>>,
     /// … and by interests of several topics.
     wide: Vec<(Interest, Vec<usize>)>,
 }
@@ -91,7 +92,7 @@ impl<A: Agent> Member<A> {
 /// Members that a thread takes at a time: a tick of so many vehicles takes longer than to wake a thread, some 50 µs.
 const MEMBERS_AT_A_TIME: usize = 32;
 
-/// Lets all members act, on as many threads as there are processors where they are many. Nobody receives in a tick what
+/// Lets all members act; where they are many and work is shared, on as many threads as there are processors. Nobody receives in a tick what
 /// is published in it, so the result does not depend on who acts first.
 fn all_act<A: Agent + Send>(
     members: &mut [Member<A>],
@@ -99,18 +100,24 @@ fn all_act<A: Agent + Send>(
     event: Event<'_>,
     arrival: Arrival,
     now: SimTime,
+    shares_work: bool,
 ) {
     let act = |members: &mut [Member<A>]| {
         for member in members {
             member.act(said, event, arrival, now);
         }
     };
-    if members.len() < 2 * MEMBERS_AT_A_TIME {
+    if !shares_work || members.len() < 2 * MEMBERS_AT_A_TIME {
         return act(members);
     }
-    // The last is `ws/main`, which has most to do.
-    let parts = members.par_chunks_mut(MEMBERS_AT_A_TIME).rev();
-    parts.with_max_len(1).for_each(act);
+    // The first is `sc/main` and the last `ws/main`, which have most to do: each begins at once, and alone.
+    let (first, others) = members.split_at_mut(1);
+    let (vehicles, last) = others.split_at_mut(others.len() - 1);
+    let vehicles = vehicles.par_chunks_mut(MEMBERS_AT_A_TIME).with_max_len(1);
+    rayon::join(
+        || act(first),
+        || rayon::join(|| act(last), || vehicles.for_each(act)),
+    );
 }
 
 /// Agents under a conductor.
@@ -121,11 +128,12 @@ pub struct Conductor<A> {
     tick_ns: i64,
     tick: u64,
     /// Said in the last tick, in order.
-    said: Vec<Publication>,
+    said: Arc<Vec<Publication>>,
     /// Said by the operator for the tick to come.
     operator: Vec<(Topic, Message)>,
     operator_sequence: u64,
     arrival: Arrival,
+    shares_work: bool,
 }
 
 impl<A: Agent + Send> Conductor<A> {
@@ -136,10 +144,11 @@ impl<A: Agent + Send> Conductor<A> {
             routes: None,
             tick_ns,
             tick: 0,
-            said: Vec::new(),
+            said: Arc::default(),
             operator: Vec::new(),
             operator_sequence: 0,
             arrival: Arrival::Fixed,
+            shares_work: true,
         };
         agents.into_iter().for_each(|agent| conductor.join(agent));
         conductor
@@ -152,6 +161,20 @@ impl<A: Agent + Send> Conductor<A> {
             arrival: Arrival::WhenComputed,
             ..self
         }
+    }
+
+    /// The same on the caller's thread alone: for a run beside others that have the other processors.
+    #[must_use]
+    pub fn on_one_thread(self) -> Self {
+        Self {
+            shares_work: false,
+            ..self
+        }
+    }
+
+    /// Whether it uses as many threads as there are processors.
+    pub fn shares_work(&self) -> bool {
+        self.shares_work
     }
 
     /// Adds an agent. Call it before the first tick: a later one has missed messages.
@@ -204,6 +227,11 @@ impl<A: Agent + Send> Conductor<A> {
         self.run(Event::Tick)
     }
 
+    /// What was said in the last tick, to keep beyond the next.
+    pub fn said(&self) -> &Arc<Vec<Publication>> {
+        &self.said
+    }
+
     /// Lets the agents handle what was said last and say their last words.
     pub fn stop(&mut self) -> &[Publication] {
         self.run(Event::Stop)
@@ -212,6 +240,7 @@ impl<A: Agent + Send> Conductor<A> {
     fn run(&mut self, event: Event<'_>) -> &[Publication] {
         let now = self.now();
         let heard = std::mem::take(&mut self.said);
+        let heard = heard.as_slice();
         let mut said = Vec::with_capacity(heard.len());
         // The operator's id comes before those of all agents.
         for (topic, message) in self.operator.drain(..) {
@@ -228,12 +257,19 @@ impl<A: Agent + Send> Conductor<A> {
                 }
             }
         }
-        all_act(&mut self.members, &heard, event, self.arrival, now);
+        all_act(
+            &mut self.members,
+            heard,
+            event,
+            self.arrival,
+            now,
+            self.shares_work,
+        );
         for member in &mut self.members {
             said.append(&mut member.says);
         }
         self.tick += 1;
-        self.said = said;
+        self.said = Arc::new(said);
         &self.said
     }
 }

@@ -31,6 +31,7 @@
 //!     gas: plume::Gas::Co2,
 //!     files: Default::default(),
 //!     start_unix_ns: None,
+//!     state_hz: None,
 //!     seed: 1,
 //!     versions: Default::default(),
 //! };
@@ -127,6 +128,17 @@ pub enum RecordError {
         key: String,
         /// What was met.
         why: String,
+    },
+    /// Not all messages were recorded, and the run left no digest.
+    #[error(
+        "{path}: no digest; states are recorded at {state_hz} Hz only (record.state_hz), and the run has left none at the \
+         end of the file"
+    )]
+    NoDigest {
+        /// The file.
+        path: PathBuf,
+        /// Rate of the recorded states, Hz.
+        state_hz: f64,
     },
     /// The MCAP writer failed.
     #[error("{path}: cannot record: {source}")]

@@ -12,9 +12,10 @@ use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, Compression, WriteOptions};
 use plume::Gas;
 use protocol::key::Name;
+use protocol::message::{Message, VehicleKind};
 use protocol::{Envelope, SimTime, Topic, WIRE_VERSION};
 use std::borrow::Cow;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -51,6 +52,8 @@ pub struct RunInfo {
     pub files: BTreeMap<String, Vec<u8>>,
     /// When the mission began, whole s in ns since 1970, where its scenario says so.
     pub start_unix_ns: Option<i64>,
+    /// Rate at which states, readings and ambients of each simulated vehicle are recorded, Hz; none where all are.
+    pub state_hz: Option<f64>,
     /// Seed of the run.
     pub seed: u64,
     /// Versions of what ran, by name: `plumage`, `git`, …
@@ -77,6 +80,50 @@ pub struct Recorder {
     beside: BTreeMap<String, Channel>,
     chunk: Option<(SimTime, Instant)>,
     totals: RecordingTotals,
+    /// None where every message is recorded.
+    thinning: Option<Thinning>,
+}
+
+/// Which states, readings and ambients of simulated vehicles are recorded.
+struct Thinning {
+    period_ns: i64,
+    /// When the next message on a topic is due; nobody iterates over it.
+    due: HashMap<Topic, SimTime>,
+}
+
+impl Thinning {
+    fn of(info: &RunInfo) -> Option<Self> {
+        let period_s = 1.0 / info.state_hz?;
+        Some(Self {
+            period_ns: SimTime::from_s(period_s).ns(),
+            due: HashMap::new(),
+        })
+    }
+
+    /// Whether a message is recorded; what is measured by a real vehicle always is.
+    fn keeps(&mut self, topic: &Topic, envelope: &Envelope) -> bool {
+        let is_periodic = match &envelope.message {
+            Message::State(state) => state.kind == VehicleKind::Simulated,
+            Message::Reading(reading) => reading.kind == VehicleKind::Simulated,
+            Message::Ambient(_) => true,
+            _ => false,
+        };
+        if !is_periodic {
+            return true;
+        }
+        let next = envelope.time.later(self.period_ns);
+        match self.due.get_mut(topic) {
+            Some(due) if envelope.time < *due => false,
+            Some(due) => {
+                *due = next;
+                true
+            }
+            None => {
+                self.due.insert(topic.clone(), next);
+                true
+            }
+        }
+    }
 }
 
 struct Channel {
@@ -127,14 +174,21 @@ impl Recorder {
             beside: BTreeMap::new(),
             chunk: None,
             totals: RecordingTotals::default(),
+            thinning: Thinning::of(info),
         })
     }
 
-    /// Records one message. One with a number that is not finite is left out and counted.
+    /// Records one message, if those of its kind are recorded now ([`RunInfo::state_hz`]). One with a number that is not
+    /// finite is left out and counted.
     ///
     /// # Errors
     /// The file cannot be written (disk full, …); what was recorded before stays.
     pub fn record(&mut self, topic: &Topic, envelope: &Envelope) -> Result<(), RecordError> {
+        if let Some(thinning) = &mut self.thinning
+            && !thinning.keeps(topic, envelope)
+        {
+            return Ok(());
+        }
         let json = envelope.to_json();
         if !is_faithful(&json, topic, envelope) {
             let key = topic.key(&self.mission);
@@ -290,6 +344,9 @@ fn write_front(writer: &mut mcap::Writer<Appended>, info: &RunInfo) -> mcap::Mca
     if let Some(start) = info.start_unix_ns {
         entries.insert("start".to_owned(), rfc_3339(start).replace(".000Z", "Z"));
     }
+    if let Some(state_hz) = info.state_hz {
+        entries.insert("state_hz".to_owned(), state_hz.to_string());
+    }
     entries.insert("wire_version".to_owned(), WIRE_VERSION.to_string());
     writer.write_metadata(&Metadata {
         name: RUN_METADATA.to_owned(),
@@ -340,6 +397,8 @@ pub struct ThreadedRecorder {
     path: PathBuf,
     batch: Batch,
     since: SimTime,
+    /// In place of the recorder's own: what is not recorded is not copied.
+    thinning: Option<Thinning>,
     sender: SyncSender<Batch>,
     thread: JoinHandle<Result<Recorder, RecordError>>,
 }
@@ -350,7 +409,8 @@ impl ThreadedRecorder {
     /// # Errors
     /// As [`Recorder::create`].
     pub fn create(path: &Path, info: &RunInfo) -> Result<Self, RecordError> {
-        let recorder = Recorder::create(path, info)?;
+        let mut recorder = Recorder::create(path, info)?;
+        let thinning = recorder.thinning.take();
         let (sender, receiver) = sync_channel(BATCHES_WAITING);
         let thread = std::thread::Builder::new()
             .name("recorder".to_owned())
@@ -364,6 +424,7 @@ impl ThreadedRecorder {
             path: path.to_owned(),
             batch: Vec::new(),
             since: SimTime::ZERO,
+            thinning,
             sender,
             thread,
         })
@@ -374,6 +435,11 @@ impl ThreadedRecorder {
     /// # Errors
     /// [`RecordError::Stopped`] once the thread has failed; [`ThreadedRecorder::finish`] says why.
     pub fn record(&mut self, topic: &Topic, envelope: &Envelope) -> Result<(), RecordError> {
+        if let Some(thinning) = &mut self.thinning
+            && !thinning.keeps(topic, envelope)
+        {
+            return Ok(());
+        }
         let due = envelope.time.ns() - self.since.ns() >= BATCH_SIM_NS;
         if !self.batch.is_empty() && (due || self.batch.len() >= BATCH_MESSAGES) {
             self.flush()?;

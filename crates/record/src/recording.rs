@@ -151,6 +151,11 @@ fn run_info(
     // Recordings of earlier versions, which read nothing but CO2, do not say it.
     let gas = take("gas").unwrap_or_else(|_| Gas::Co2.as_str().to_owned());
     let start = take("start").ok();
+    let rate = |text: String| {
+        text.parse()
+            .map_err(|_| format!("its state_hz is '{text}'"))
+    };
+    let state_hz = take("state_hz").ok().map(rate).transpose()?;
     Ok(RunInfo {
         mission: Name::new(&mission).map_err(|e| e.to_string())?,
         scenario_toml,
@@ -158,6 +163,7 @@ fn run_info(
             .parse()
             .map_err(|e| format!("its gas is '{gas}': {e}"))?,
         files: BTreeMap::new(),
+        state_hz,
         start_unix_ns: start.map(|s| start_of(&s)).transpose()?,
         seed: seed.parse().map_err(|_| format!("its seed is '{seed}'"))?,
         versions: entries,
@@ -222,11 +228,30 @@ impl Recording {
         Ok(i64::try_from(late_ns).unwrap_or(i64::MAX))
     }
 
-    /// The digest of the run as recorded, and how the recording ends.
+    /// The digest of the run as recorded, and how the recording ends. Where states are thinned
+    /// ([`RunInfo::state_hz`]) it is the one that the run itself left at the end of the file.
     ///
     /// # Errors
-    /// A message that cannot be read.
+    /// A message that cannot be read; a recording with thinned states that was cut short.
     pub fn digest(&self) -> Result<(String, RecordingEnd), RecordError> {
+        if let Some(state_hz) = self.info.state_hz {
+            let mut messages = self.envelopes()?;
+            messages
+                .by_ref()
+                .try_for_each(|message| message.map(|_| ()))?;
+            let ending = messages.ending();
+            let known = match &ending {
+                RecordingEnd::Complete { digest } | RecordingEnd::Damaged { digest, .. } => {
+                    digest.clone()
+                }
+                RecordingEnd::Truncated { .. } => None,
+            };
+            let unknown = || RecordError::NoDigest {
+                path: self.path.clone(),
+                state_hz,
+            };
+            return Ok((known.ok_or_else(unknown)?, ending));
+        }
         let mut digest = Digest::new();
         let mut messages = self.in_order()?;
         for message in messages.by_ref() {

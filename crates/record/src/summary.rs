@@ -1,7 +1,8 @@
 //! `summary.json`: what a mission found, built from its messages in bounded memory.
 
-use air::geo::{Geodetic, LocalFrame, wrap_signed_deg};
+use air::geo::{Enu, Geodetic, LocalFrame, wrap_signed_deg};
 use plume::{Gas, Unit};
+use protocol::key::Name;
 use protocol::message::{
     Estimate, Flux, FluxMethod, GapCause, MechanismSetting, Message, Model, Peak, PeakStatus,
     Reading, State, VehicleKind,
@@ -383,7 +384,7 @@ impl std::fmt::Debug for TruePeak {
 pub struct Summariser {
     context: SummaryContext,
     last: SimTime,
-    vehicles: BTreeMap<String, Vehicle>,
+    vehicles: BTreeMap<Name, Vehicle>,
     peak: Option<Peak>,
     flux: Vec<Flux>,
     mechanisms: Vec<MechanismSetting>,
@@ -398,7 +399,7 @@ pub struct Summariser {
 struct Vehicle {
     kind: VehicleKind,
     distance_m: f64,
-    last_counted: Option<(Geodetic, f64)>,
+    last_counted: Option<(Enu, f64)>,
     peak: Option<(SimTime, Reading)>,
     flew: bool,
     /// Whether it was in the air when its state was last heard, and when that was.
@@ -429,19 +430,19 @@ impl Summariser {
         match (topic, &envelope.message) {
             (Topic::State(id), Message::State(state)) => {
                 let frame = self.context.frame;
-                let vehicle = self.vehicle(id.as_str(), state.kind);
+                let vehicle = self.vehicle(id, state.kind);
                 vehicle.moved(&frame, state);
                 vehicle.flew |= state.airborne;
                 vehicle.airborne = (state.airborne, envelope.time);
             }
             (Topic::Reading(id), Message::Reading(reading)) => {
-                let flies = self.vehicles.get(id.as_str()).is_some_and(|v| v.airborne.0);
+                let flies = self.vehicles.get(id).is_some_and(|v| v.airborne.0);
                 if reading.kind == VehicleKind::Real {
                     self.came_near |= flies && self.is_near(reading);
                     let wind = reading.wind_speed_m_s.zip(reading.wind_from_deg);
                     self.evidence.read(reading.co2_ppm, wind);
                 }
-                self.vehicle(id.as_str(), reading.kind)
+                self.vehicle(id, reading.kind)
                     .read(reading.read_at(envelope.time), reading);
             }
             (Topic::Model, Message::Model(model)) => {
@@ -471,8 +472,8 @@ impl Summariser {
         }
     }
 
-    fn vehicle(&mut self, id: &str, kind: VehicleKind) -> &mut Vehicle {
-        let vehicle = self.vehicles.entry(id.to_owned()).or_insert(Vehicle {
+    fn vehicle(&mut self, id: &Name, kind: VehicleKind) -> &mut Vehicle {
+        let vehicle = self.vehicles.entry(id.clone()).or_insert(Vehicle {
             kind,
             distance_m: 0.0,
             last_counted: None,
@@ -508,7 +509,7 @@ impl Summariser {
             vehicles: self
                 .vehicles
                 .iter()
-                .map(|(id, v)| v.summary(id, self.outcome(id, v)))
+                .map(|(id, v)| v.summary(id.as_str(), self.outcome(id.as_str(), v)))
                 .collect(),
             peak: self.peak_summary(),
             flux: self.flux.iter().map(|f| self.flux_summary(f)).collect(),
@@ -588,7 +589,7 @@ impl Summariser {
         let read = real.filter_map(|(id, v)| Some((id, v.peak.as_ref()?)));
         let highest = read.max_by(|a, b| a.1.1.co2_ppm.total_cmp(&b.1.1.co2_ppm));
         highest.map(|(id, (time, reading))| HighestReading {
-            vehicle: id.clone(),
+            vehicle: id.to_string(),
             time_s: time.s(),
             place: PlaceOfPeak {
                 lat_deg: reading.lat_deg,
@@ -615,16 +616,16 @@ impl Summariser {
 
 impl Vehicle {
     fn moved(&mut self, frame: &LocalFrame, state: &State) {
-        let here = Geodetic {
+        let here = frame.to_enu(Geodetic {
             lat_deg: state.lat_deg,
             lon_deg: state.lon_deg,
-        };
+        });
         // Legs of a fixed least length: the sum over all positions would grow with their noise even
         // while a vehicle stands (as coastlines do with the scale, Richardson 1961).
         match self.last_counted {
             None => self.last_counted = Some((here, state.alt_amsl_m)),
             Some((there, alt)) => {
-                let flat = frame.to_enu(here).distance_m(frame.to_enu(there));
+                let flat = here.distance_m(there);
                 let way = flat.hypot(state.alt_amsl_m - alt);
                 if way >= MIN_LEG_M {
                     self.distance_m += way;

@@ -31,6 +31,7 @@ fn info() -> RunInfo {
         gas: Gas::Co2,
         files: BTreeMap::new(),
         start_unix_ns: Some(START_NS),
+        state_hz: None,
         seed: 1,
         versions: BTreeMap::new(),
     }

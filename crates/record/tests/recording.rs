@@ -3,7 +3,7 @@
 use crate::synthetic;
 use protocol::digest::Digest;
 use protocol::key::Name;
-use protocol::{Message, SimTime};
+use protocol::{Envelope, Message, SimTime, Topic};
 use record::recording::RecordingEnd;
 use record::{RecordError, Recorder, RunInfo, ThreadedRecorder, read_mcap};
 use std::collections::BTreeMap;
@@ -17,6 +17,7 @@ fn info() -> RunInfo {
         gas: plume::Gas::Ch4,
         files: [("aircraft/mine.toml".to_owned(), b"name = 1".to_vec())].into(),
         start_unix_ns: Some(1_795_782_600_000_000_000),
+        state_hz: None,
         seed: 7,
         versions: BTreeMap::from([("plumage".to_owned(), "0.1.0".to_owned())]),
     }
@@ -74,6 +75,58 @@ fn a_recording_from_a_thread_is_the_same_and_waits_rather_than_drops() {
     let (digest, _) = read_mcap(&path).unwrap().digest().unwrap();
     assert_eq!(digest, digest_of_mission(1000));
     fs::remove_file(path).unwrap();
+}
+
+/// Ten messages a second of each simulated vehicle, of which one is kept; all others stay.
+#[test]
+fn a_thinned_recording_holds_simulated_states_at_its_rate_and_the_digest_of_the_run() {
+    let info = RunInfo {
+        state_hz: Some(1.0),
+        ..info()
+    };
+    let path = fresh("thinned");
+    let mut recorder = ThreadedRecorder::create(&path, &info).unwrap();
+    for (topic, envelope) in synthetic::mission(200) {
+        recorder.record(&topic, &envelope).unwrap();
+    }
+    let digest = digest_of_mission(200);
+    recorder.finish(Some(&digest)).unwrap();
+    let recording = read_mcap(&path).unwrap();
+    assert_eq!(recording.info, info);
+    let read: Vec<(Topic, Envelope)> = recording
+        .envelopes()
+        .unwrap()
+        .collect::<Result<_, _>>()
+        .unwrap();
+    let is_periodic = |topic: &Topic| matches!(topic, Topic::State(_) | Topic::Reading(_));
+    let is_real = |topic: &Topic| {
+        topic
+            .vehicle()
+            .is_some_and(|v| v.as_str() == synthetic::REAL)
+    };
+    // 200 ticks of 0.1 s: the first of each second is kept.
+    let kept = |(topic, envelope): &(Topic, Envelope)| {
+        !is_periodic(topic) || is_real(topic) || envelope.time.ns() % 1_000_000_000 == 0
+    };
+    let expected: Vec<_> = synthetic::mission(200).filter(kept).collect();
+    assert_eq!(read, expected);
+    assert_eq!(recording.digest().unwrap().0, digest);
+
+    // Cut short, it has no digest, and its messages are all there.
+    let whole = fresh("thinned-cut");
+    let mut recorder = Recorder::create(&whole, &info).unwrap();
+    for (topic, envelope) in synthetic::mission(20) {
+        recorder.record(&topic, &envelope).unwrap();
+    }
+    recorder.flush().unwrap();
+    let cut = fresh("thinned-cut-copy");
+    fs::copy(&whole, &cut).unwrap();
+    let why = read_mcap(&cut).unwrap().digest().unwrap_err().to_string();
+    assert!(why.contains("record.state_hz"), "{why}");
+    drop(recorder);
+    for file in [path, whole, cut] {
+        fs::remove_file(file).unwrap();
+    }
 }
 
 /// What a killed program leaves: all that the system was given, without the file's end.

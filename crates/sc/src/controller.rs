@@ -1,6 +1,7 @@
 //! The squadron controller as an agent: what it receives, what it publishes, and the course of a
 //! mission.
 
+mod approaches;
 mod dispatch;
 mod homing;
 mod pattern_flight;
@@ -12,6 +13,7 @@ pub use homing::LEAST_OVER_GROUND_M_S;
 
 use air::geo::{Enu, Geodetic, wrap_signed_deg};
 use air::terrain::Terrain;
+use air::wind::towards_deg;
 use csea::{
     Archive, ArchiveOptions, CsEaOptions, Domain, PlumePrior, Position, Sample, SearchStrategy,
     strategy_by_name,
@@ -28,7 +30,7 @@ use scenario::Scenario;
 use scenario::random::stream;
 use scenario::tables::{SearchTable, VehicleKind};
 use scenario::world::OFF_HEIGHT_M;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 use crate::error::ScError;
 use crate::fleet::{Fleet, LINKED_CIRCLE_M, MARGIN_M, TeamVehicle};
@@ -37,6 +39,7 @@ use crate::plume_estimate::PlumeEstimate;
 use crate::route_graph::RouteGraph;
 use crate::separation::Separation;
 use crate::tasks::{Tasks, VehicleTask};
+use approaches::Approaches;
 use pattern_flight::PatternFlight;
 use scenario::airspace::Airspace;
 use survey::Survey;
@@ -65,6 +68,8 @@ const HALF_WIDTH_95_SD: f64 = 1.96;
 pub struct SquadronController {
     id: AgentId,
     fleet: Fleet,
+    /// The approaches to the homes, in the wind as it is estimated.
+    approaches: Approaches,
     tasks: Tasks,
     /// The world as the scenario describes it, with the sources that the model has beside the scenario's.
     base: DispersionSpec,
@@ -129,21 +134,26 @@ impl SquadronController {
             .nearest_allowed(centre, MARGIN_M)
             .ok_or(no_airspace)?;
         let vehicles = team(scenario, &airspace)?;
+        let tasks = Tasks::new(&vehicles);
+        let fleet = Fleet {
+            routes: RouteGraph::of(&airspace, MARGIN_M),
+            airspace,
+            separation,
+            airspeed_m_s: scenario.search.airspeed_m_s,
+            places: places(&vehicles),
+            vehicles,
+            passes: Vec::new(),
+            ways_down: Vec::new(),
+            climbs: Vec::new(),
+            others: BTreeMap::new(),
+            occupancy: None,
+        };
+        let downwind_deg = towards_deg(base.wind.from_deg());
         let mut controller = Self {
             id: AgentId::sc(),
-            tasks: Tasks::new(&vehicles),
-            fleet: Fleet {
-                routes: RouteGraph::of(&airspace, MARGIN_M),
-                airspace,
-                separation,
-                airspeed_m_s: scenario.search.airspeed_m_s,
-                places: places(&vehicles),
-                vehicles,
-                passes: Vec::new(),
-                ways_down: Vec::new(),
-                climbs: Vec::new(),
-                others: BTreeMap::new(),
-            },
+            approaches: homing::approaches_of(&fleet, downwind_deg),
+            tasks,
+            fleet,
             levels_amsl_m: scenario.levels_amsl_m(),
             prior: crate::prior::of(scenario, &base),
             scenario_sources: base.sources.len(),
@@ -449,6 +459,9 @@ impl SquadronController {
         if self.model.as_ref() != Some(model) {
             self.take_up_sources(model);
             self.model = Some(model.clone());
+            if let Some(estimate) = self.estimate() {
+                self.approaches.turn_to(estimate.axis_deg);
+            }
         }
     }
 
@@ -488,9 +501,17 @@ impl SquadronController {
             let words = format!("vehicle {name} outside the team stopped sending");
             out.event(&self.id, Severity::Info, "other-silent", words);
         }
+        self.fleet.begin_decision();
+        self.command(now, out);
+        self.fleet.end_decision();
+        self.publish_plan(out);
+    }
+
+    /// Gives orders to the vehicles, and goes on to the next phase where it is due.
+    fn command(&mut self, now: SimTime, out: &mut Outbox) {
         self.fly_patterns(now, out);
         if self.pattern.as_ref().is_some_and(PatternFlight::is_all) {
-            return self.publish_plan(out);
+            return;
         }
         self.recall(now);
         if let Some(next) = self.next_phase(now) {
@@ -506,7 +527,6 @@ impl SquadronController {
             self.next_population = SimTime::from_s(now.s() + self.search.step_s);
             self.search_step(out);
         }
-        self.publish_plan(out);
     }
 
     fn enter_phase(&mut self, phase: Phase, now: SimTime, out: &mut Outbox) {
@@ -631,7 +651,7 @@ fn team(scenario: &Scenario, airspace: &Airspace) -> Result<Vec<TeamVehicle>, Sc
     scenario.vehicles.iter().enumerate().map(vehicle).collect()
 }
 
-fn places(vehicles: &[TeamVehicle]) -> BTreeMap<Name, usize> {
+fn places(vehicles: &[TeamVehicle]) -> HashMap<Name, usize> {
     let names = vehicles.iter().map(|v| v.name.clone());
     names.zip(0..).collect()
 }

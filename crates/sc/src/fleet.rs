@@ -1,6 +1,7 @@
 //! The vehicles: where they are, where they are sent, and that every order is safe.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::borrow::Cow;
+use std::collections::{BTreeMap, HashMap, VecDeque};
 
 use air::geo::{Enu, Geodetic};
 use csea::Position;
@@ -9,6 +10,7 @@ use protocol::message::{Assignment, PathKind, Setpoint, State};
 use protocol::{Message, Outbox, SimTime, Topic};
 use scenario::world::OFF_HEIGHT_M;
 
+use crate::occupancy::{Column, Occupancy, Occupied};
 use crate::route_graph::RouteGraph;
 use crate::separation::{Corridor, Separation};
 use scenario::airspace::Airspace;
@@ -179,6 +181,19 @@ impl TeamVehicle {
         })
     }
 
+    /// Where it may be until the end of its leg, and the circle at the end of its way.
+    fn occupied(&self) -> Occupied {
+        let end = self.route.back().filter(|_| self.is_commandable());
+        Occupied {
+            corridors: self
+                .corridor()
+                .into_iter()
+                .chain(self.later_parts())
+                .collect(),
+            end: end.map(|&end| Corridor::straight(end, end, self.circle_m)),
+        }
+    }
+
     /// Whether it circles at a corner of its way, since the next leg is not free.
     pub(crate) fn is_held_up(&self) -> bool {
         !self.route.is_empty() && self.order.is_some_and(|order| self.is_at(order.to))
@@ -215,6 +230,27 @@ impl TeamVehicle {
     }
 }
 
+/// The vehicle whose way is compared with those of the others.
+#[derive(Clone, Copy)]
+struct Mover<'a> {
+    index: usize,
+    /// What alone may be in its way, if that is known.
+    near: Option<&'a NearWay>,
+}
+
+/// What may be in the way of a vehicle, at any height.
+struct NearWay {
+    vehicles: Vec<usize>,
+    /// Places in [`Fleet::ways_down`].
+    ways_down: Vec<usize>,
+}
+
+impl Mover<'_> {
+    fn among_all(index: usize) -> Self {
+        Self { index, near: None }
+    }
+}
+
 /// All vehicles with the rules they fly by.
 #[derive(Debug, Clone)]
 pub struct Fleet {
@@ -228,8 +264,8 @@ pub struct Fleet {
     pub airspeed_m_s: f64,
     /// The vehicles in the scenario's order.
     pub vehicles: Vec<TeamVehicle>,
-    /// Their places by name.
-    pub(crate) places: BTreeMap<Name, usize>,
+    /// Their places by name; nobody iterates over them.
+    pub(crate) places: HashMap<Name, usize>,
     /// Passes that real vehicles fly now and next: those who fly none keep clear of them.
     pub(crate) passes: Vec<Corridor>,
     /// Ways down of those who wait for their landing, with whose they are: who does not wait keeps
@@ -240,6 +276,8 @@ pub struct Fleet {
     /// Real aircraft that are not of the team, as last heard: nobody sends them anywhere, and all keep
     /// clear of them.
     pub(crate) others: BTreeMap<Name, VehicleTrack>,
+    /// What all vehicles occupy, while a decision is made: no track changes meanwhile.
+    pub(crate) occupancy: Option<Occupancy>,
 }
 
 impl Fleet {
@@ -360,6 +398,11 @@ impl Fleet {
         let Some(way) = self.routes.route(&self.airspace, track.position.at, at) else {
             return false;
         };
+        let near = self.near_way(index, track.position.at, &way);
+        let mover = Mover {
+            index,
+            near: near.as_ref(),
+        };
         // The first leg is checked against the others, and where it ends up against where they end
         // up: later legs are checked when they are flown, for by then all have moved.
         let free = heights_amsl_m.iter().find_map(|&height_m| {
@@ -368,7 +411,7 @@ impl Fleet {
                 return None;
             }
             let legs = self.airspace.way(track.position, &way, height_m);
-            let is_free = self.is_leg_apart(index, &legs[0]) && self.is_end_free(index, end);
+            let is_free = self.is_leg_apart(mover, &legs[0]) && self.is_end_free(mover, end);
             is_free.then_some(legs)
         });
         let Some(legs) = free else {
@@ -387,54 +430,81 @@ impl Fleet {
         true
     }
 
-    /// Whether a vehicle could go to `to` if it were at `height_amsl_m` already.
-    pub(crate) fn is_level_way_free(&self, index: usize, to: Enu, height_amsl_m: f64) -> bool {
-        let Some(track) = self.vehicles[index].track else {
-            return false;
-        };
-        let at_height = |at: Enu| Position {
-            at,
-            height_m: height_amsl_m,
-        };
+    /// The first of `heights_amsl_m` at which a vehicle could go to `to` if it were at that height already.
+    pub(crate) fn free_level(&self, index: usize, to: Enu, heights_amsl_m: &[f64]) -> Option<f64> {
+        let track = self.vehicles[index].track?;
         let here = track.position.at;
-        let Some(way) = self.routes.route(&self.airspace, here, to) else {
-            return false;
+        let way = self.routes.route(&self.airspace, here, to)?;
+        let near = self.near_way(index, here, &way);
+        let mover = Mover {
+            index,
+            near: near.as_ref(),
         };
-        let leg = Corridor::turning(
-            at_height(here),
-            track.course_deg,
-            at_height(way[0]),
-            self.vehicles[index].circle_m,
-        );
-        self.is_kept_free(index, &leg) && self.is_end_free(index, at_height(to))
+        let is_free = |height_m: f64| {
+            let at_height = |at: Enu| Position { at, height_m };
+            let leg = Corridor::turning(
+                at_height(here),
+                track.course_deg,
+                at_height(way[0]),
+                self.vehicles[index].circle_m,
+            );
+            self.is_kept_free(mover, &leg) && self.is_end_free(mover, at_height(to))
+        };
+        heights_amsl_m.iter().copied().find(|&h| is_free(h))
+    }
+
+    /// Those that may be in the way of a vehicle on the first leg of a way and at its end, at any height.
+    fn near_way(&self, index: usize, here: Enu, way: &[Enu]) -> Option<NearWay> {
+        let occupancy = self.occupancy.as_ref()?;
+        let (first, end) = (*way.first()?, *way.last()?);
+        // A turn at the start reaches two radii to the side, a circle at the end one.
+        let margin_m = 2.0 * self.vehicles[index].circle_m;
+        let column = Column::around(&[here, first, end], margin_m, &self.separation);
+        let mut ways_down = self.ways_down_kept_free(index);
+        ways_down.retain(|&k| column.holds(&self.ways_down[k].1));
+        Some(NearWay {
+            vehicles: occupancy.within(&column),
+            ways_down,
+        })
+    }
+
+    /// Places in `ways_down` of those that a vehicle keeps free.
+    fn ways_down_kept_free(&self, index: usize) -> Vec<usize> {
+        // Those who wait go down below each other.
+        if self.ways_down.iter().any(|(other, _)| *other == index) {
+            Vec::new()
+        } else {
+            (0..self.ways_down.len()).collect()
+        }
     }
 
     /// Whether the leg from where a vehicle is to `to` is apart from all others.
     pub fn is_apart(&self, index: usize, to: Position) -> bool {
-        let Some(track) = self.vehicles[index].track else {
-            return false;
-        };
-        let circle_m = self.vehicles[index].circle_m;
-        let own = Corridor::turning(track.position, track.course_deg, to, circle_m);
-        self.is_kept_free(index, &own)
+        self.is_leg_apart(Mover::among_all(index), &[to])
     }
 
     /// Whether all parts of a leg are apart from all others.
-    fn is_leg_apart(&self, index: usize, leg: &[Position]) -> bool {
-        let first = leg.first().is_some_and(|&to| self.is_apart(index, to));
-        let circle_m = self.vehicles[index].circle_m;
+    fn is_leg_apart(&self, mover: Mover<'_>, leg: &[Position]) -> bool {
+        let v = &self.vehicles[mover.index];
+        let (Some(track), Some(&to)) = (v.track, leg.first()) else {
+            return false;
+        };
+        let first = Corridor::turning(track.position, track.course_deg, to, v.circle_m);
         let mut later = leg
             .windows(2)
-            .map(|ends| Corridor::straight(ends[0], ends[1], circle_m));
-        first && later.all(|part| self.is_kept_free(index, &part))
+            .map(|ends| Corridor::straight(ends[0], ends[1], v.circle_m));
+        self.is_kept_free(mover, &first) && later.all(|part| self.is_kept_free(mover, &part))
     }
 
     /// Whether a corridor of the vehicle at `index` is apart from all others and from what is kept
     /// free.
-    fn is_kept_free(&self, index: usize, own: &Corridor) -> bool {
-        // Those who wait go down below each other.
-        let waits = self.ways_down.iter().any(|(other, _)| *other == index);
-        let ways_down = self.ways_down.iter().filter(|_| !waits).map(|(_, way)| way);
+    fn is_kept_free(&self, mover: Mover<'_>, own: &Corridor) -> bool {
+        let index = mover.index;
+        let ways_down = match mover.near {
+            Some(near) => Cow::Borrowed(&near.ways_down),
+            None => Cow::Owned(self.ways_down_kept_free(index)),
+        };
+        let ways_down = ways_down.iter().map(|&k| &self.ways_down[k].1);
         let v = &self.vehicles[index];
         let passes = self.passes.iter().filter(|_| v.gives_way);
         let climbs = self.climbs.iter().filter(|_| v.gives_way);
@@ -445,20 +515,20 @@ impl Fleet {
         let outside =
             |kept: &&Corridor| here.is_some_and(|here| self.separation.apart(&here, kept));
         let mut kept_free = ways_down.chain(passes).chain(climbs).filter(outside);
-        kept_free.all(|kept| self.separation.apart(own, kept)) && self.is_free(index, own, |_| true)
+        kept_free.all(|kept| self.separation.apart(own, kept)) && self.is_free(mover, own, |_| true)
     }
 
     /// Whether the place of a vehicle's circle is free, and no other vehicle is on its way there.
-    fn is_end_free(&self, index: usize, end: Position) -> bool {
+    fn is_end_free(&self, mover: Mover<'_>, end: Position) -> bool {
+        let index = mover.index;
         let circle = Corridor::straight(end, end, self.vehicles[index].circle_m);
-        let others = self.vehicles.iter().enumerate();
-        let mut ends = others
-            .filter(|(other, v)| *other != index && v.is_commandable())
-            .filter_map(|(_, v)| Some((v.route.back()?, v.circle_m)))
-            .map(|(&end, circle_m)| Corridor::straight(end, end, circle_m));
-        ends.all(|other| self.separation.apart(&circle, &other))
-            && self.climb_entered(index, end).is_none()
-            && self.is_free(index, &circle, |_| true)
+        let is_apart = |other: usize, occupied: &Occupied| {
+            let mut ends = occupied.corridors.iter().chain(&occupied.end);
+            other == index || ends.all(|other| self.separation.apart(&circle, other))
+        };
+        self.climb_entered(index, end).is_none()
+            && self.all_near(mover, &circle, is_apart)
+            && self.is_clear_of_others(index, &circle)
     }
 
     /// Whether a vehicle that circles at `end` is out of the way of all passes.
@@ -496,7 +566,7 @@ impl Fleet {
     pub(crate) fn is_climb_free(&self, index: usize, climbs: impl Fn(usize) -> bool) -> bool {
         let height_m = self.vehicles[index].layer_amsl_m;
         self.climb_of(index).is_some_and(|climb| {
-            self.is_free(index, &climb, |other| {
+            self.is_free(Mover::among_all(index), &climb, |other| {
                 !climbs(other) || self.vehicles[other].layer_amsl_m <= height_m
             })
         })
@@ -511,18 +581,50 @@ impl Fleet {
         counts: impl Fn(usize) -> bool,
     ) -> bool {
         let way = self.vehicles[index].landing(approach);
-        way.is_some_and(|way| self.is_free(index, &way, counts))
+        way.is_some_and(|way| self.is_free(Mover::among_all(index), &way, counts))
     }
 
     /// Whether a corridor of the vehicle at `index` is apart from those of all others that
     /// `counts`.
-    fn is_free(&self, index: usize, own: &Corridor, counts: impl Fn(usize) -> bool) -> bool {
-        let others = self.vehicles.iter().enumerate();
-        let mut corridors = others
-            .filter(|(other, _)| *other != index && counts(*other))
-            .flat_map(|(_, v)| v.corridor().into_iter().chain(v.later_parts()));
-        corridors.all(|other| self.separation.apart(own, &other))
-            && self.is_clear_of_others(index, own)
+    fn is_free(&self, mover: Mover<'_>, own: &Corridor, counts: impl Fn(usize) -> bool) -> bool {
+        let index = mover.index;
+        let is_apart = |other: usize, occupied: &Occupied| {
+            let mut corridors = occupied.corridors.iter();
+            other == index
+                || !counts(other)
+                || corridors.all(|other| self.separation.apart(own, other))
+        };
+        self.all_near(mover, own, is_apart) && self.is_clear_of_others(index, own)
+    }
+
+    /// Whether all vehicles that may be near a corridor pass a test.
+    fn all_near(
+        &self,
+        mover: Mover<'_>,
+        own: &Corridor,
+        test: impl Fn(usize, &Occupied) -> bool,
+    ) -> bool {
+        match &self.occupancy {
+            Some(occupancy) => {
+                let among = mover.near.map(|near| near.vehicles.as_slice());
+                occupancy.all_near(own, &self.separation, among, test)
+            }
+            None => {
+                let mut all = self.vehicles.iter().enumerate();
+                all.all(|(other, v)| test(other, &v.occupied()))
+            }
+        }
+    }
+
+    /// A decision begins: from now on no track changes, and orders come by [`Fleet::order`] alone.
+    pub(crate) fn begin_decision(&mut self) {
+        let occupied = self.vehicles.iter().map(TeamVehicle::occupied);
+        self.occupancy = Some(Occupancy::new(occupied));
+    }
+
+    /// A decision ends.
+    pub(crate) fn end_decision(&mut self) {
+        self.occupancy = None;
     }
 
     /// Whether a corridor of the vehicle at `index` is apart from the aircraft that are not of the team.
@@ -552,7 +654,7 @@ impl Fleet {
             return;
         }
         let leg: Vec<Position> = v.coming_parts().collect();
-        if !self.is_leg_apart(index, &leg) {
+        if !self.is_leg_apart(Mover::among_all(index), &leg) {
             return;
         }
         self.vehicles[index].route.pop_front();
@@ -601,6 +703,9 @@ impl Fleet {
     /// Gives a vehicle an order.
     pub(crate) fn order(&mut self, index: usize, order: Order, out: &mut Outbox) {
         self.vehicles[index].order = Some(order);
+        if let Some(occupancy) = &mut self.occupancy {
+            occupancy.update(index, self.vehicles[index].occupied());
+        }
         self.publish(index, order, out);
     }
 

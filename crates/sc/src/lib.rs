@@ -42,6 +42,7 @@ pub mod controller;
 mod error;
 pub mod fleet;
 pub mod information;
+mod occupancy;
 pub mod passes;
 pub mod patterns;
 pub mod plume_estimate;

@@ -95,6 +95,12 @@ impl Scenario {
                 "site.terrain, a file with the heights of the ground",
             ));
         }
+        in_range(
+            "record.state_hz",
+            self.record.state_hz,
+            (0.001, 1000.0),
+            "Hz",
+        )?;
         self.check_search()?;
         self.check_world()
     }
@@ -497,7 +503,28 @@ fn equipment(k: usize, vehicle: &VehicleTable) -> Checked {
             lon_deg -180.0 to 180.0 "degrees",
         );
     }
-    Ok(())
+    start_in_flight(k, vehicle)
+}
+
+/// Where a vehicle starts in flight, if it does.
+fn start_in_flight(k: usize, vehicle: &VehicleTable) -> Checked {
+    let Some(airborne) = vehicle.airborne else {
+        return Ok(());
+    };
+    if vehicle.kind != VehicleKind::Simulated {
+        return Err(Refusal::new(
+            format!("vehicle.{k}.airborne"),
+            "a start in flight of a vehicle that is not simulated",
+            "kind = \"simulated\" with this key",
+        ));
+    }
+    let table = format!("vehicle.{k}.airborne");
+    ranges!(airborne in table;
+        lat_deg -89.0 to 89.0 "degrees",
+        lon_deg -180.0 to 180.0 "degrees",
+        alt_amsl_m -500.0 to 20_000.0 "m above mean sea level",
+    );
+    direction(&format!("{table}.heading_deg"), airborne.heading_deg)
 }
 
 fn host_and_port(key: &str, address: &str) -> Checked {

@@ -54,6 +54,9 @@ pub struct Scenario {
     /// The reality gap in flight.
     #[serde(default)]
     pub gap: GapTable,
+    /// What of the mission is recorded.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub record: RecordTable,
     /// The stand-ins' own world: the same tables, only the keys that differ.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reality: Option<toml::Table>,
@@ -617,6 +620,9 @@ pub struct VehicleTable {
     /// Take-off and landing point; beside the others upwind of the site where left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub home: Option<HomeTable>,
+    /// Where a simulated vehicle starts in flight; at its home on the ground where left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub airborne: Option<AirborneTable>,
     /// MAVLink address of a `mavlink` vehicle, such as `udpin:0.0.0.0:14550`, or several, over each of which it
     /// is heard.
     #[serde(
@@ -779,6 +785,7 @@ fn default_team() -> Vec<VehicleTable> {
                 VehicleKind::Simulated
             },
             home: None,
+            airborne: None,
             link: Vec::new(),
             system_id: None,
             component_id: None,
@@ -791,6 +798,20 @@ fn default_team() -> Vec<VehicleTable> {
             flightgear: None,
         })
         .collect()
+}
+
+/// A start in level flight at the team's airspeed.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table")]
+pub struct AirborneTable {
+    /// Latitude, degrees (WGS84).
+    pub lat_deg: f64,
+    /// Longitude, degrees (WGS84).
+    pub lon_deg: f64,
+    /// Height, m above mean sea level.
+    pub alt_amsl_m: f64,
+    /// Direction of the nose, degrees clockwise from north.
+    pub heading_deg: f64,
 }
 
 /// A take-off and landing point.
@@ -886,6 +907,16 @@ impl Default for SearchTable {
             pattern: Vec::new(),
         }
     }
+}
+
+/// `[record]`
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default, expecting = "a table")]
+pub struct RecordTable {
+    /// Rate at which states, readings and ambients of each simulated vehicle are recorded, Hz; all of them where left
+    /// out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub state_hz: Option<f64>,
 }
 
 /// `[gap]`: the reality gap in flight.

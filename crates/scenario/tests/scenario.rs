@@ -551,3 +551,49 @@ fn links_and_gas_sensors_are_one_or_several() {
         "{wrong}"
     );
 }
+
+#[test]
+fn a_start_in_flight_has_its_ranges_and_is_a_simulated_vehicle_s() {
+    let text = |kind: &str, place: &str| {
+        format!("{LEAST}\n[[vehicle]]\nid = \"1\"\nkind = \"{kind}\"\nairborne = {{ {place} }}\n")
+    };
+    let place = "lat_deg = 43.43, lon_deg = -7.87, alt_amsl_m = 800.0, heading_deg = 90.0";
+    let read = Scenario::parse("s.toml", &text("simulated", place)).unwrap();
+    let start = read.vehicles[0].airborne.unwrap();
+    assert_eq!((start.alt_amsl_m, start.heading_deg), (800.0, 90.0));
+    // Written out and read again it is the same.
+    let again = Scenario::parse("s.toml", &read.to_toml()).unwrap();
+    assert_eq!(again.vehicles[0].airborne, Some(start));
+    for (from, to, key) in [
+        ("43.43", "95.0", "vehicle.0.airborne.lat_deg"),
+        ("-7.87", "200.0", "vehicle.0.airborne.lon_deg"),
+        ("800.0", "40000.0", "vehicle.0.airborne.alt_amsl_m"),
+        ("90.0", "1000.0", "vehicle.0.airborne.heading_deg"),
+    ] {
+        let error = refused(&text("simulated", &place.replace(from, to)));
+        assert!(error.contains(key), "{error}");
+    }
+    let error = refused(&text("stand-in", place));
+    assert!(error.contains("kind = \"simulated\""), "{error}");
+    let error = refused(&text("simulated", "lat_deg = 43.43, lon_deg = -7.87"));
+    assert!(error.contains("alt_amsl_m"), "{error}");
+}
+
+#[test]
+fn the_rate_of_recorded_states_has_its_range() {
+    let text = |hz: &str| format!("{LEAST}\n[record]\nstate_hz = {hz}\n");
+    let read = Scenario::parse("s.toml", &text("0.5")).unwrap();
+    assert_eq!(read.record.state_hz, Some(0.5));
+    let again = Scenario::parse("s.toml", &read.to_toml()).unwrap();
+    assert_eq!(again.record, read.record);
+    assert!(
+        !Scenario::parse("s.toml", LEAST)
+            .unwrap()
+            .to_toml()
+            .contains("[record]")
+    );
+    for hz in ["0.0", "-1.0", "nan", "1e9"] {
+        let error = refused(&text(hz));
+        assert!(error.contains("record.state_hz"), "{error}");
+    }
+}

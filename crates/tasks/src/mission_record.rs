@@ -17,6 +17,7 @@ pub fn run_info(setup: &Setup) -> Result<RunInfo, TaskError> {
         gas: setup.scenario.gas(),
         files: BTreeMap::clone(&setup.files),
         start_unix_ns: setup.scenario.mission.start_unix_ns(),
+        state_hz: setup.scenario.record.state_hz,
         seed: setup.scenario.mission.seed,
         versions: BTreeMap::from([("plumage".to_owned(), env!("CARGO_PKG_VERSION").to_owned())]),
     })

@@ -59,6 +59,8 @@ pub struct SimulatedConfig<'a> {
 pub struct SimulatedVehicle {
     frame: LocalFrame,
     craft: PilotedFlight,
+    /// Its state after the last step: many ask for it in a tick.
+    flight: FlightState,
     sensor: Sensor,
     rng: ChaCha8Rng,
     guardian: Guardian,
@@ -86,7 +88,7 @@ pub struct SimulatedVehicle {
 }
 
 impl SimulatedVehicle {
-    /// A vehicle on its launcher at home.
+    /// A vehicle on its launcher at home, or in level flight where the scenario lets it start in the air.
     ///
     /// # Errors
     /// A vehicle that the scenario does not have, or an aircraft that cannot fly.
@@ -119,17 +121,36 @@ impl SimulatedVehicle {
         let home = frame.to_enu(scenario.home(index)?);
         let launch_heading_deg = wrap_deg(scenario.weather.wind_from_deg);
         let spec = scenario.dispersion_spec()?;
-        Ok(Self {
-            craft: match from {
-                Some(state) => flown_as(state, aircraft, &frame)?,
-                None => PilotedFlight::on_ground(
+        let starts_at = vehicle.airborne.as_ref().filter(|_| from.is_none());
+        let mut wind_ned_m_s = [0.0; 3];
+        if let Some(at) = starts_at {
+            wind_ned_m_s = wind_at(scenario, at.alt_amsl_m)?;
+        }
+        let craft = match (from, starts_at) {
+            (Some(state), _) => flown_as(state, aircraft, &frame)?,
+            (None, Some(at)) => {
+                let place = frame.to_enu(Geodetic::new(at.lat_deg, at.lon_deg));
+                PilotedFlight::airborne(
                     aircraft,
-                    home.north_m,
-                    home.east_m,
-                    ground_amsl_m,
-                    launch_heading_deg,
-                )?,
-            },
+                    [place.north_m, place.east_m, at.alt_amsl_m],
+                    at.heading_deg,
+                    scenario.search.airspeed_m_s,
+                    wind_ned_m_s,
+                )?
+            }
+            (None, None) => PilotedFlight::on_ground(
+                aircraft,
+                home.north_m,
+                home.east_m,
+                ground_amsl_m,
+                launch_heading_deg,
+            )?,
+        };
+        let flight = craft.state();
+        Ok(Self {
+            climbed_out: flight.phase == FlightPhase::Flying,
+            craft,
+            flight,
             sensor: Sensor::new(&spec.sensor, &spec.mechanisms, &vehicle.id),
             rng: stream(scenario.mission.seed, &format!("va/{}/sensor", vehicle.id)),
             frame,
@@ -139,7 +160,7 @@ impl SimulatedVehicle {
             tick_s: scenario.mission.tick_s,
             speed_m_s: scenario.search.airspeed_m_s,
             ambient: None,
-            wind_ned_m_s: [0.0; 3],
+            wind_ned_m_s,
             setpoint: None,
             control: ControlState::new(),
             published: None,
@@ -148,18 +169,17 @@ impl SimulatedVehicle {
             sent_to: None,
             events: Vec::new(),
             last_reading_s: 0.0,
-            climbed_out: from.is_some_and(|state| state.airborne),
         })
     }
 
     /// State of the flight, for displays.
     pub fn flight(&self) -> FlightState {
-        self.craft.state()
+        self.flight
     }
 
     pub(crate) fn net_fdm(&self, unix_time_s: u32) -> [u8; PACKET_BYTES] {
-        let flight = self.craft.state();
-        let at = self.frame.to_geodetic(position_of(&flight));
+        let flight = &self.flight;
+        let at = self.frame.to_geodetic(position_of(flight));
         let density_kg_m3 = self
             .ambient
             .as_ref()
@@ -171,7 +191,7 @@ impl SimulatedVehicle {
             density_kg_m3,
             unix_time_s,
         };
-        packet.encode(&flight, self.craft.surfaces())
+        packet.encode(flight, self.craft.surfaces())
     }
 
     /// Remaining share of the battery, 0 to 1; none without a battery.
@@ -181,9 +201,9 @@ impl SimulatedVehicle {
 
     /// Position for the safety monitor.
     pub(crate) fn observed_position(&self) -> ObservedPosition {
-        let flight = self.craft.state();
+        let flight = &self.flight;
         ObservedPosition {
-            at: position_of(&flight),
+            at: position_of(flight),
             alt_amsl_m: flight.alt_amsl_m,
             airborne: flight.phase == FlightPhase::Flying,
         }
@@ -270,7 +290,7 @@ impl SimulatedVehicle {
 
     /// Returns to automatic flight after a silence, if the vehicle is in the air and no pilot has taken it over.
     pub(crate) fn resume(&mut self) {
-        if self.control.resumes() && self.craft.state().phase == FlightPhase::Flying {
+        if self.control.resumes() && self.flight.phase == FlightPhase::Flying {
             self.events.push(control::resumed_event());
             self.handle_control(ControlEvent::HandBack);
         }
@@ -290,9 +310,9 @@ impl SimulatedVehicle {
             self.handle_control(ControlEvent::RemoteLost);
         }
         // Touch-down shows as the change of phase over this tick.
-        let flew = self.craft.state().phase != FlightPhase::OnGround;
+        let flew = self.flight.phase != FlightPhase::OnGround;
         self.fly();
-        if flew && self.craft.state().phase == FlightPhase::OnGround {
+        if flew && self.flight.phase == FlightPhase::OnGround {
             self.handle_control(ControlEvent::Landed);
         }
         let mut report = VehicleReport {
@@ -333,7 +353,7 @@ impl SimulatedVehicle {
             wind_ned_m_s: self.wind_ned_m_s,
             density_kg_m3,
         };
-        let state = self.craft.state();
+        let state = self.flight;
         // The team's own vehicles are simulated without navigation errors; those belong to the
         // stand-in's reality.
         let sensed = Sensed::perfect(&state, density_kg_m3);
@@ -355,6 +375,7 @@ impl SimulatedVehicle {
             let taking_off = matches!(demand.path, Path::TakeOff { .. });
             self.climbed_out |= taking_off && self.craft.status().path_done;
         }
+        self.flight = self.craft.state();
         self.discharge_battery(&state, density_kg_m3);
     }
 
@@ -454,7 +475,7 @@ impl SimulatedVehicle {
     }
 
     fn report(&mut self, now: SimTime, report: &mut VehicleReport) {
-        let flight = self.craft.state();
+        let flight = &self.flight;
         let at = self
             .frame
             .to_geodetic(Enu::new(flight.east_m, flight.north_m));
@@ -499,6 +520,13 @@ impl SimulatedVehicle {
     }
 }
 
+/// The scenario's wind at a height, north, east, down, m/s.
+fn wind_at(scenario: &Scenario, alt_amsl_m: f64) -> Result<[f64; 3], VaError> {
+    let height_agl_m = (alt_amsl_m - scenario.site.ground_amsl_m).max(0.0);
+    let wind = scenario.wind_profile()?.at(height_agl_m);
+    Ok([wind.north_m_s, wind.east_m_s, 0.0])
+}
+
 /// The initial flight state of an aircraft that replaces another in `state`.
 fn flown_as(
     state: &State,
@@ -519,11 +547,10 @@ fn flown_as(
     }
     let mut craft = PilotedFlight::airborne(
         aircraft,
-        north_m,
-        east_m,
-        state.alt_amsl_m,
+        [north_m, east_m, state.alt_amsl_m],
         heading_deg,
         state.airspeed_m_s,
+        [0.0; 3],
     )?;
     let [roll, pitch, yaw] = [state.roll_deg, state.pitch_deg, heading_deg].map(f64::to_radians);
     craft.set_motion(

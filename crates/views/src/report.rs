@@ -124,9 +124,10 @@ impl Report {
     pub fn page(&self, summary: &MissionSummary) -> Document {
         let mut page = Document::new("Plumage mission report", &self.site.mission);
         let expected = self.expected();
-        let mut lead = self.lead(summary).to_vec();
-        lead.extend(text::not_landed(summary));
-        page.lead(&lead);
+        page.lead(&self.lead(summary));
+        if let Some(said) = text::not_landed(summary) {
+            page.paragraph(&said);
+        }
         page.cards(&cards(summary));
         self.mission(&mut page, summary);
         self.map(&mut page, summary);

@@ -9,10 +9,10 @@ use air::geo::{Enu, wrap_signed_deg};
 use protocol::{Outbox, SimTime};
 
 use super::SquadronController;
+use super::approaches::{ApproachGeometry, Approaches};
 use super::take_off::BETWEEN_TAKE_OFFS_S;
-use crate::fleet::{CIRCLE_M, MARGIN_M, TeamVehicle};
+use crate::fleet::{CIRCLE_M, Fleet, MARGIN_M, Order, TeamVehicle};
 use crate::tasks::VehicleTask;
-use scenario::airspace::distance_between_segments_m;
 
 /// Where the circle beside the approach is, m downwind of home and to the left of the approach: that
 /// of the landing in `fdm` with its default gains (an approach of 4 degrees from 40 m, two loiter
@@ -70,6 +70,31 @@ const HOME: &str = "home";
 /// Purpose of an order that brings it to another height first.
 const BY_STAGES: &str = "home in stages";
 
+/// The approaches of a team against a wind that blows towards `downwind_deg`.
+pub(super) fn approaches_of(fleet: &Fleet, downwind_deg: f64) -> Approaches {
+    let geometry = ApproachGeometry {
+        circle_m: APPROACH_CIRCLE_M,
+        apart_m: fleet.separation.distance_m + 2.0 * CIRCLE_M + TURN_OUT_M,
+    };
+    let homes = fleet.vehicles.iter().map(|v| v.home.at).collect();
+    Approaches::new(homes, geometry, downwind_deg)
+}
+
+/// How many vehicles are in the air.
+#[derive(Debug, Clone, Copy)]
+struct Up {
+    all: usize,
+    real: usize,
+}
+
+impl Up {
+    /// What those may cost who come home with a vehicle, s: real ones find only real ones in their way.
+    fn detour_s(self, vehicle: &TeamVehicle) -> f64 {
+        let with = if vehicle.real { self.real } else { self.all };
+        DETOUR_S.0 + DETOUR_S.1 * with as f64
+    }
+}
+
 impl SquadronController {
     /// When the last vehicle at work must turn home, s.
     pub(super) fn home_time_s(&self) -> f64 {
@@ -125,18 +150,21 @@ impl SquadronController {
         let team: Vec<usize> = (0..self.fleet.vehicles.len())
             .filter(|&k| k == next || self.is_up(k))
             .collect();
-        let starts = self.landing_starts_s(&team);
+        let up = self.up();
         self.is_too_short()
-            || starts.into_iter().all(|(index, start_s)| {
-                let v = &self.fleet.vehicles[index];
-                let begun = matches!(
-                    self.tasks.each[index],
-                    VehicleTask::Returning | VehicleTask::Landing(..)
-                );
-                let work_s = if index == next { LEAST_WORK_S } else { 0.0 };
-                let least_s = climb_s(v) + work_s + self.way_home_s(v);
-                begun && start_s >= now.s() || start_s >= now.s() + least_s
-            })
+            || self
+                .landing_starts_s(&team)
+                .into_iter()
+                .all(|(index, start_s)| {
+                    let v = &self.fleet.vehicles[index];
+                    let begun = matches!(
+                        self.tasks.each[index],
+                        VehicleTask::Returning | VehicleTask::Landing(..)
+                    );
+                    let work_s = if index == next { LEAST_WORK_S } else { 0.0 };
+                    let least_s = climb_s(v) + work_s + self.way_home_s(v, up);
+                    begun && start_s >= now.s() || start_s >= now.s() + least_s
+                })
     }
 
     /// How many of the team, in the order in which they rise, have time to take off one after the
@@ -169,7 +197,7 @@ impl SquadronController {
         let vehicles = self.fleet.vehicles.iter().enumerate();
         let mut least_s = vehicles.map(|(index, v)| {
             let climb_s = (v.layer_amsl_m - v.home.height_m) / CLIMB_M_S;
-            let down_s = self.duration_s - self.landing_starts_s(&[index])[0].1;
+            let down_s = self.duration_s - self.last_landing_start_s(index, 1);
             climb_s + LEAST_WORK_S + down_s + DETOUR_S.0
         });
         least_s.all(|least_s| least_s > self.duration_s)
@@ -185,10 +213,11 @@ impl SquadronController {
         } else {
             0.0
         };
+        let up = self.up();
         let starts = self.landing_starts_s(&team).into_iter();
         starts
             .map(|(index, start_s)| {
-                let way_s = self.way_home_s(&self.fleet.vehicles[index]);
+                let way_s = self.way_home_s(&self.fleet.vehicles[index], up);
                 (index, (start_s - way_s).max(earliest_s))
             })
             .collect()
@@ -201,27 +230,30 @@ impl SquadronController {
         let mut order = team.to_vec();
         let vehicles = &self.fleet.vehicles;
         order.sort_by(|&a, &b| {
-            let real_last = vehicles[b].real.cmp(&vehicles[a].real);
-            real_last.then(
-                vehicles[b]
-                    .layer_amsl_m
-                    .total_cmp(&vehicles[a].layer_amsl_m),
-            )
+            let (a, b) = (&vehicles[a], &vehicles[b]);
+            let real_last = b.real.cmp(&a.real);
+            real_last.then(b.layer_amsl_m.total_cmp(&a.layer_amsl_m))
         });
-        let mut starts: Vec<(usize, f64)> = Vec::new();
+        let mut planned: Vec<Option<f64>> = vec![None; vehicles.len()];
+        let mut starts: Vec<(usize, f64)> = Vec::with_capacity(team.len());
         for index in order {
             let low_m = self.lowest_wait_m(index);
-            let reserve_s = RESERVE_S.0 + RESERVE_S.1 * team.len() as f64;
-            let last_s = self.duration_s - reserve_s - circle_left_s(low_m) - FINAL_S;
             let factor = BETWEEN.0 + BETWEEN.1 * team.len() as f64;
             let between_s = factor * (circle_left_s(low_m) - self.circle_reached_s(low_m));
-            let later = starts
-                .iter()
-                .filter(|(other, _)| self.share_approach(index, *other));
-            let start_s = later.fold(last_s, |s, (_, other_s)| s.min(other_s - between_s));
+            let later = self.approaches.neighbours(index).filter_map(|k| planned[k]);
+            let last_s = self.last_landing_start_s(index, team.len());
+            let start_s = later.fold(last_s, |s, other_s| s.min(other_s - between_s));
+            planned[index] = Some(start_s);
             starts.push((index, start_s));
         }
         starts
+    }
+
+    /// When a vehicle of a team of `team` in the air is to begin its landing at the latest if nobody is in its way, s.
+    fn last_landing_start_s(&self, index: usize, team: usize) -> f64 {
+        let low_m = self.lowest_wait_m(index);
+        let reserve_s = RESERVE_S.0 + RESERVE_S.1 * team as f64;
+        self.duration_s - reserve_s - circle_left_s(low_m) - FINAL_S
     }
 
     /// Lowest height above its home at which a vehicle waits for its landing, m.
@@ -230,10 +262,10 @@ impl SquadronController {
         self.levels_amsl_m[0] - home_m
     }
 
-    /// Time that a vehicle needs to above its home and down to where it waits, s.
-    fn way_home_s(&self, vehicle: &TeamVehicle) -> f64 {
+    /// Time that a vehicle needs to above its home and down to where it waits while others are `up`, s.
+    fn way_home_s(&self, vehicle: &TeamVehicle, up: Up) -> f64 {
         let Some(track) = vehicle.track.filter(|s| s.airborne) else {
-            return self.detour_s(vehicle);
+            return up.detour_s(vehicle);
         };
         let here = track.position;
         let distance_m = here.at.distance_m(vehicle.home.at);
@@ -248,43 +280,32 @@ impl SquadronController {
         let level_s = DETOUR * distance_m / over_ground.max(LEAST_OVER_GROUND_M_S);
         let down_s = (here.height_m - self.levels_amsl_m[0]).max(0.0) / SINK_M_S.0;
         // Who comes home alone, after all others, goes down on its way; one of several may find lower ways taken.
-        let real = self.fleet.vehicles.iter().enumerate();
-        let is_last = vehicle.real && real.filter(|(k, v)| v.real && self.is_up(*k)).count() <= 1;
-        let flown_s = if is_last {
+        let flown_s = if vehicle.real && up.real <= 1 {
             level_s.max(down_s)
         } else {
             level_s + down_s
         };
-        flown_s + self.detour_s(vehicle)
+        flown_s + up.detour_s(vehicle)
     }
 
-    /// What those may cost who come home with a vehicle: real ones find only real ones in their way.
-    fn detour_s(&self, vehicle: &TeamVehicle) -> f64 {
-        let others = self.fleet.vehicles.iter().enumerate();
-        let with = others.filter(|(k, v)| self.is_up(*k) && (v.real || !vehicle.real));
-        DETOUR_S.0 + DETOUR_S.1 * with.count() as f64
+    /// How many are in the air.
+    fn up(&self) -> Up {
+        let vehicles = self.fleet.vehicles.iter().enumerate();
+        let up = vehicles.filter(|(k, _)| self.is_up(*k));
+        up.fold(Up { all: 0, real: 0 }, |up, (_, v)| Up {
+            all: up.all + 1,
+            real: up.real + usize::from(v.real),
+        })
     }
 
     /// Centre of the circle beside a vehicle's approach, as far as the wind is known.
     fn approach_of(&self, index: usize) -> Enu {
-        let axis_deg = self.estimate().map(|e| e.axis_deg);
-        let downwind_deg =
-            axis_deg.unwrap_or_else(|| air::wind::towards_deg(self.base.wind.from_deg()));
-        let (downwind_m, left_m) = APPROACH_CIRCLE_M;
-        // The approach is against the wind: its left is to the right of where the wind goes.
-        self.fleet.vehicles[index]
-            .home
-            .at
-            .displaced(downwind_deg, downwind_m)
-            .displaced(downwind_deg + 90.0, left_m)
+        self.approaches.circle(index)
     }
 
     /// Whether the landings of two vehicles are in each other's way.
     fn share_approach(&self, a: usize, b: usize) -> bool {
-        let home = |k: usize| self.fleet.vehicles[k].home.at;
-        let (from_a, from_b) = (self.approach_of(a), self.approach_of(b));
-        let apart_m = distance_between_segments_m(home(a), from_a, home(b), from_b);
-        apart_m < self.fleet.separation.distance_m + 2.0 * CIRCLE_M + TURN_OUT_M
+        self.approaches.meet(a, b)
     }
 
     /// Whether two vehicles are in each other's way where they take off.
@@ -352,8 +373,7 @@ impl SquadronController {
             Some(order) if v.is_at(order.to) => order.to.at,
             _ => track.position.at,
         };
-        let free = |h: &&f64| self.fleet.is_level_way_free(index, home, **h);
-        if let Some(&height_m) = heights_amsl_m.iter().find(free) {
+        if let Some(height_m) = self.fleet.free_level(index, home, heights_amsl_m) {
             self.fleet
                 .send_at_free_height(index, here, &[height_m], BY_STAGES, out);
         }
@@ -385,9 +405,10 @@ impl SquadronController {
     fn waits_above_home(&self, index: usize) -> bool {
         let v = &self.fleet.vehicles[index];
         let returning = self.tasks.each[index] == VehicleTask::Returning;
-        let home = self.fleet.airspace.nearest_allowed(v.home.at, MARGIN_M);
-        let there = v.order.is_some_and(|order| Some(order.to.at) == home);
-        returning && there && v.has_arrived() && v.is_commandable()
+        let there = |order: Order| {
+            Some(order.to.at) == self.fleet.airspace.nearest_allowed(v.home.at, MARGIN_M)
+        };
+        returning && v.has_arrived() && v.is_commandable() && v.order.is_some_and(there)
     }
 
     /// Those above home land, the lowest first, each when its way down is free.

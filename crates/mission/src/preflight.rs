@@ -14,6 +14,7 @@ use scenario::Scenario;
 use scenario::airspace::Airspace;
 use scenario::bounds::Bounds;
 use scenario::tables::VehicleTable;
+use scenario::uncertain::Uncertain;
 
 /// A wind above this part of the airspeed is doubtful: gusts of the tenth part of it, three times
 /// their standard deviation (MIL-F-8785C), then reach the airspeed less the least speed over ground.
@@ -45,6 +46,9 @@ const GRID_STEPS: usize = 200;
 /// Farthest source from the fence, m: the curves of the plume's spread were fitted up to 10 km (Briggs 1973), and five
 /// times that far no plume is left. A source beyond has a digit or a sign too many.
 const FARTHEST_SOURCE_M: f64 = 50_000.0;
+
+/// A plume is out of reach where the ceiling lies so many standard deviations of the axis' height below it.
+const OUT_OF_REACH_SD: f64 = 4.0;
 
 /// How bad a finding is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -107,7 +111,18 @@ pub fn check(setup: &Setup) -> Result<Vec<Finding>, MissionError> {
 /// Whether the fence is where the sources' plumes may be.
 fn sources(scenario: &Scenario, airspace: &Airspace) -> Vec<Finding> {
     let mut found = Vec::new();
+    let height_sd_m = scenario.corrected_sd(Uncertain::EffectiveHeight);
+    let ceiling_m = airspace.height_band_amsl_m().1 - scenario.site.ground_amsl_m;
     for source in &scenario.sources {
+        let axis_m = source.axis_height_agl_m();
+        if axis_m - OUT_OF_REACH_SD * height_sd_m.unwrap_or(0.0) > ceiling_m {
+            let words = format!(
+                "the plume of {} is {axis_m:.0} m above ground, and vehicles fly up to {ceiling_m:.0} m. Check digits and \
+                 unit of source.effective_height_m and the ceiling of the fence",
+                source.name
+            );
+            found.push(warned("source", words));
+        }
         let at = Geodetic::new(source.lat_deg, source.lon_deg);
         let outside_m = -air::area::clearance_m(airspace.polygon(), airspace.frame().to_enu(at));
         if outside_m <= FARTHEST_SOURCE_M {

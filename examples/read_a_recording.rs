@@ -77,6 +77,7 @@ fn record_two_minutes(path: &Path) -> Result<()> {
         gas: setup.scenario.gas(),
         files: BTreeMap::clone(&setup.files),
         start_unix_ns: setup.scenario.mission.start_unix_ns(),
+        state_hz: None,
         seed: setup.scenario.mission.seed,
         versions: BTreeMap::from([("example".to_owned(), "read_a_recording".to_owned())]),
     };

@@ -6,7 +6,7 @@
 //! 1980, doi 10.1016/0196-6774(80)90015-2, with ratio 8) and a short unindexed tail. A sample is
 //! re-indexed a handful of times in its life, whatever the shape of the data.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::num::NonZero;
 use std::ops::Range;
 
@@ -85,8 +85,8 @@ pub struct Archive {
     options: ArchiveOptions,
     samples: Vec<Sample>,
     counts: Vec<u32>,
-    /// Places in `samples` by cell; nobody iterates over it.
-    cells: HashMap<[i64; 3], u32>,
+    /// Places in `samples` by cell.
+    cells: BTreeMap<[i64; 3], u32>,
     /// Trees over consecutive ranges of `samples`, the largest and oldest first.
     trees: Vec<(Range<usize>, ImmutableKdTree<f64, 3>)>,
     /// Indexed coordinates, height weighted; fixed once a sample is in.
@@ -123,7 +123,7 @@ impl Archive {
             options,
             samples: Vec::new(),
             counts: Vec::new(),
-            cells: HashMap::new(),
+            cells: BTreeMap::new(),
             trees: Vec::new(),
             indexed: Vec::new(),
             moments: Moments::default(),

@@ -84,6 +84,7 @@ fn numbers() -> Vec<Number> {
         beam_width,
         beam_causes,
         beam_nats,
+        doubted,
         departs_sd,
         rest_nats,
         rest_alone_nats,

@@ -140,7 +140,9 @@ impl Question<'_> {
         let passes = Passes::drawn(self.passes(&found[0])?, seed);
         let standing = self.standing(found, &passes)?;
         let (set, dropped) = (found[standing.set].clone(), standing.dropped);
-        let speaks_for = |c: &Cause<M::Tried>| c.gain > self.policy.rest_alone_nats;
+        let speaks_for = |c: &Cause<M::Tried>| {
+            c.gain > self.policy.rest_alone_nats && c.probability > self.policy.doubted
+        };
         let is_doubted = dropped.iter().any(speaks_for);
         let rest = self.rest(&set, &passes.rows)?;
         let candidates = if rest.nats > self.policy.rest_nats || is_doubted {

@@ -12,7 +12,7 @@ use crate::key::{AgentId, Interest, Topic};
 use crate::message::Message;
 use crate::time::SimTime;
 use rayon::prelude::*;
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// One message that went over the bus.
@@ -21,8 +21,8 @@ pub type Publication = (Topic, Envelope);
 /// Index of subscriptions by topic: with a thousand vehicles no agent can filter all messages.
 #[derive(Default)]
 struct Routes {
-    /// Places of members by topic; nobody iterates over it …
-    one: HashMap<Topic, Vec<usize>>,
+    /// Places of members by topic …
+    one: BTreeMap<Topic, Vec<usize>>,
     /// … and by interests of several topics.
     wide: Vec<(Interest, Vec<usize>)>,
 }

@@ -30,7 +30,7 @@ use scenario::Scenario;
 use scenario::random::stream;
 use scenario::tables::{SearchTable, VehicleKind};
 use scenario::world::OFF_HEIGHT_M;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 
 use crate::error::ScError;
 use crate::fleet::{Fleet, LINKED_CIRCLE_M, MARGIN_M, TeamVehicle};
@@ -651,7 +651,7 @@ fn team(scenario: &Scenario, airspace: &Airspace) -> Result<Vec<TeamVehicle>, Sc
     scenario.vehicles.iter().enumerate().map(vehicle).collect()
 }
 
-fn places(vehicles: &[TeamVehicle]) -> HashMap<Name, usize> {
+fn places(vehicles: &[TeamVehicle]) -> BTreeMap<Name, usize> {
     let names = vehicles.iter().map(|v| v.name.clone());
     names.zip(0..).collect()
 }

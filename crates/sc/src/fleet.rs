@@ -1,7 +1,7 @@
 //! The vehicles: where they are, where they are sent, and that every order is safe.
 
 use std::borrow::Cow;
-use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::collections::{BTreeMap, VecDeque};
 
 use air::geo::{Enu, Geodetic};
 use csea::Position;
@@ -264,8 +264,8 @@ pub struct Fleet {
     pub airspeed_m_s: f64,
     /// The vehicles in the scenario's order.
     pub vehicles: Vec<TeamVehicle>,
-    /// Their places by name; nobody iterates over them.
-    pub(crate) places: HashMap<Name, usize>,
+    /// Their places by name.
+    pub(crate) places: BTreeMap<Name, usize>,
     /// Passes that real vehicles fly now and next: those who fly none keep clear of them.
     pub(crate) passes: Vec<Corridor>,
     /// Ways down of those who wait for their landing, with whose they are: who does not wait keeps

@@ -23,7 +23,7 @@ use scenario::contradiction::{Corrected as CorrectedValues, Evidence};
 use scenario::random::stream;
 use scenario::tables::{VehicleKind, WindFollows};
 use scenario::uncertain::Uncertain;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 
 /// Time between two ambients of a simulated vehicle, which flies in them, s.
 const AMBIENT_S: f64 = 0.1;
@@ -89,8 +89,8 @@ pub struct WorldSimulator {
     real: BTreeMap<String, usize>,
     /// The team; each gets its air from here.
     vehicles: Vec<TeamVehicle>,
-    /// Their places by name; nobody iterates over them.
-    places: HashMap<Name, usize>,
+    /// Their places by name.
+    places: BTreeMap<Name, usize>,
     world: DispersionModel,
     extensions: Vec<MechanismSetting>,
     /// Whether readings have named a fault of a sensor that the model does not hold.

@@ -25,15 +25,20 @@ fn analysed(case: &Case) -> (Verdict, Vec<Cause>) {
     (analysis.json.verdict, analysis.json.causes)
 }
 
+/// That the effect in the case of `seed` is named.
+fn named(seed: u64, effect: PlumeEffect, within: &[(&str, f64)]) {
+    let (verdict, cause) = reported(seed, effect, within);
+    assert_eq!(verdict, Verdict::Named, "{cause:?}");
+}
+
 /// That the effect in the case of `seed` is the one cause, on its platforms, with each of the
 /// parameters given within so much of the truth.
-fn named(seed: u64, effect: PlumeEffect, within: &[(&str, f64)]) {
+fn reported(seed: u64, effect: PlumeEffect, within: &[(&str, f64)]) -> (Verdict, Cause) {
     let case = Case::make(&CaseSpec::one(seed, effect, STRONG));
     let (verdict, causes) = analysed(&case);
     let [cause] = &causes[..] else {
         panic!("{verdict:?}: {causes:?}")
     };
-    assert_eq!(verdict, Verdict::Named, "{cause:?}");
     assert_eq!(cause.mechanisms, [effect.id()]);
     let truth = &case.truth.effects[0];
     assert_eq!(cause.platforms, truth.platforms);
@@ -43,6 +48,7 @@ fn named(seed: u64, effect: PlumeEffect, within: &[(&str, f64)]) {
         let miss = (found.value - hidden.value).abs();
         assert!(miss < *tolerance, "{found:?}, hidden {hidden:?}");
     }
+    (verdict, cause.clone())
 }
 
 #[test]
@@ -67,11 +73,13 @@ fn spread() {
     named(2, PlumeEffect::SigmaYScale, &[("factor", 0.06)]);
 }
 
-// A second stack that emits .64 of the first, 380 m away from it.
+// A second stack that emits .64 of the first, 380 m away from it. Its strength, which hangs on its place, departs too
+// little from nothing to be named: docs/limits.md.
 #[test]
 fn source_and_sink() {
     let within = [("ratio", 0.15), ("east_m", 200.0), ("north_m", 100.0)];
-    named(2, PlumeEffect::SecondSource, &within);
+    let (_, cause) = reported(2, PlumeEffect::SecondSource, &within);
+    assert!(cause.probability > 0.5, "{cause:?}");
 }
 
 // 4.8 ppm a kilometre.

@@ -8,9 +8,9 @@
 //! model's. Eddies displace the plume as a whole (Gifford 1959), by n of its spread σ_r in one crossing: with
 //! ζ = (z − H)/σ_r a crossing reads in proportion to A = exp(−(ζ + n)²/2). For normal n of the covariance Σ
 //!
-//! E[A_i A_j] = |I + Σ|^−½ exp(−½ ζᵀ (I + Σ)⁻¹ ζ), and E[A_i] the same of one crossing,
+//! E(A_i A_j) = |I + Σ|^−½ exp(−½ ζᵀ (I + Σ)⁻¹ ζ), and E(A_i) the same of one crossing,
 //!
-//! so that what two crossings deviate from their means has the relative covariance E[A_i A_j]/(E[A_i] E[A_j]) − 1.
+//! so that what two crossings deviate from their means has the relative covariance E(A_i A_j)/(E(A_i) E(A_j)) − 1.
 //! Crossings that follow each other closely meet the same eddies: a displacement is the integral of the eddies' velocity
 //! over the travel time T = x/u (Taylor 1921). For velocities that forget faster than that, two displacements correlate
 //! by the time that their travel times share, over √(T_i T_j). Fluctuations inside the plume and the sensor's noise are

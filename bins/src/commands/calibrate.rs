@@ -106,6 +106,7 @@ pub fn calibrate(arguments: &CalibrateArguments) -> Result<(), Failure> {
 
 /// An uncertain value before and after.
 struct Change {
+    value: Uncertain,
     key: String,
     was: f64,
     /// Its standard deviation before, where it is known.
@@ -118,6 +119,7 @@ impl Change {
     fn all(before: &Scenario, after: &Scenario) -> Vec<Self> {
         let of = |key: &Uncertain| {
             Some(Self {
+                value: *key,
                 key: key.key(after.gas()),
                 was: before.value(*key)?,
                 was_sd: before.corrected_sd(*key),
@@ -140,9 +142,9 @@ impl Change {
     /// short way round.
     fn shift(&self) -> Option<[f64; 3]> {
         let was_sd = self.was_sd?;
-        let off = match self.key.ends_with("_deg") {
-            true => wrap_signed_deg(self.is - self.was),
-            false => self.is - self.was,
+        let off = match self.value {
+            Uncertain::WindFrom => wrap_signed_deg(self.is - self.was),
+            _ => self.is - self.was,
         };
         Some([off, off - self.sd, off + self.sd].map(|v| v / was_sd))
     }

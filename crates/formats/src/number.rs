@@ -50,7 +50,7 @@ pub fn value_and_sd(value: f64, sd: f64) -> [String; 2] {
 /// ```
 pub fn significant(value: f64) -> String {
     match value.abs() {
-        _ if !value.is_finite() => "–".to_owned(),
+        _ if !value.is_finite() => fixed(value, 0),
         0.0 => "0".to_owned(),
         size if !(LEAST_PLAIN..MOST_PLAIN).contains(&size) => format!("{value:.2e}"),
         // No digit before the point is hidden by zeros.
@@ -73,15 +73,29 @@ fn exponent(value: f64) -> i32 {
 
 /// A number rounded to the digit of a power of ten.
 fn to_place(value: f64, power: i32) -> String {
-    let places = usize::try_from(-power).unwrap_or_default();
     let unit = 10f64.powi(power.max(0));
-    let text = format!("{:.places$}", (value / unit).round() * unit);
+    let places = usize::try_from(-power).unwrap_or_default();
     // `round` of a fraction would lose it; below the point the format rounds.
-    let text = if power < 0 {
-        format!("{value:.places$}")
+    let rounded = if power < 0 {
+        value
     } else {
-        text
+        (value / unit).round() * unit
     };
+    fixed(rounded, places)
+}
+
+/// A number with so many digits after the point; a dash for what is none.
+///
+/// ```
+/// use formats::number::fixed;
+///
+/// assert_eq!([2.345, -0.001, f64::NAN].map(|v| fixed(v, 2)), ["2.35", "0.00", "–"]);
+/// ```
+pub fn fixed(value: f64, places: usize) -> String {
+    if !value.is_finite() {
+        return "–".to_owned();
+    }
+    let text = format!("{value:.places$}");
     // What rounds to nothing has no sign.
     let is_zero = text.bytes().all(|b| matches!(b, b'-' | b'0' | b'.'));
     match text.strip_prefix('-') {

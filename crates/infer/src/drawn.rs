@@ -3,7 +3,7 @@
 
 use crate::InferError;
 use crate::left_out::ByPass;
-use crate::names::{Catalogue, Found, Question};
+use crate::names::{Catalogue, Found, Question, base_of, without};
 use crate::parallel_map::parallel_map;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
@@ -66,41 +66,33 @@ pub(crate) struct Drawn<'f, M: Catalogue> {
 }
 
 impl<'f, M: Catalogue> Drawn<'f, M> {
-    /// The likeliest sets, those without one of their names, and the base.
+    /// Sets with `which` of them weighed over the draws.
     pub fn new(
         question: &Question<'_>,
         found: &'f [Found<M>],
         passes: &'f Passes,
+        which: Vec<usize>,
     ) -> Result<Self, InferError> {
-        let mut drawn = Self::none(found, passes);
-        let least = found[0].ln_score() - RIVAL_NATS;
-        let near = found.iter().take_while(|f| f.ln_score() > least).count();
-        let mut which: Vec<usize> = (0..near.clamp(1, MOST_SETS)).collect();
-        for set in which.clone() {
-            which.extend((0..found[set].names.len()).map(|k| drawn.without(set, k)));
-        }
-        which.push(drawn.base());
+        let mut drawn = Self {
+            found,
+            passes,
+            sets: BTreeMap::new(),
+        };
         drawn.weigh(question, which)?;
         Ok(drawn)
     }
 
-    /// All of them.
-    pub fn all(
-        question: &Question<'_>,
-        found: &'f [Found<M>],
-        passes: &'f Passes,
-    ) -> Result<Self, InferError> {
-        let mut drawn = Self::none(found, passes);
-        drawn.weigh(question, (0..found.len()).collect())?;
-        Ok(drawn)
-    }
-
-    fn none(found: &'f [Found<M>], passes: &'f Passes) -> Self {
-        Self {
-            found,
-            passes,
-            sets: BTreeMap::new(),
+    /// The likeliest sets, those without one of their names, and the base.
+    pub fn near(found: &[Found<M>]) -> Vec<usize> {
+        let least = found[0].ln_score() - RIVAL_NATS;
+        let near = found.iter().take_while(|f| f.ln_score() > least).count();
+        let likeliest = 0..near.clamp(1, MOST_SETS);
+        let mut which: Vec<usize> = likeliest.clone().collect();
+        for set in &found[likeliest] {
+            which.extend((0..set.names.len()).map(|k| without(found, set, k)));
         }
+        which.push(base_of(found));
+        which
     }
 
     /// Weighs further sets over the draws.
@@ -128,12 +120,6 @@ impl<'f, M: Catalogue> Drawn<'f, M> {
         self.sets.get(&set)
     }
 
-    /// The base: the set without names.
-    pub fn base(&self) -> usize {
-        let is_base = |f: &Found<M>| f.names.is_empty();
-        self.found.iter().position(is_base).unwrap_or(0)
-    }
-
     /// The likeliest sets of those that were weighed, `most` at most and each with `least` of the probability.
     pub fn likeliest(&self, most: usize, least: f64) -> Vec<usize> {
         let weighed: Vec<usize> = self.sets.keys().copied().collect();
@@ -146,16 +132,6 @@ impl<'f, M: Catalogue> Drawn<'f, M> {
         order.sort_by(|a, b| b.1.total_cmp(&a.1));
         order.truncate(most);
         order.into_iter().map(|s| s.0).collect()
-    }
-
-    /// The likeliest set that was found with none but the names of a set without the one at `k`.
-    pub fn without(&self, set: usize, k: usize) -> usize {
-        let mut names = self.found[set].names.clone();
-        names.remove(k);
-        let is_one = |n: &M::Tried| names.iter().any(|o| M::same_cause(n, o));
-        let within = |f: &Found<M>| f.names.iter().all(is_one);
-        // The base is always among them.
-        self.found.iter().position(within).unwrap_or(set)
     }
 
     /// The probability of each of some sets against the others, on the average over the draws.

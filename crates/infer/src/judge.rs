@@ -1,16 +1,16 @@
-//! What stands of the sets that were found: names have to predict passes that they have not seen,
-//! to be chosen again when passes are drawn anew, and to leave no error of form that says more.
+//! What stands of the sets that were found: names have to be probable and to predict passes that they have not seen,
+//! and must leave no error of form that explains more.
 
 use crate::InferError;
 use crate::drawn::{Drawn, Passes, RIVAL_NATS};
 use crate::form::SWING;
 use crate::left_out::Expected;
-use crate::names::{Catalogue, Found, Question};
+use crate::names::{Catalogue, Found, Question, base_of, without};
 use crate::parallel_map::parallel_map;
 use crate::policy::Policy;
 use crate::posterior::Posterior;
 use crate::probability::Features;
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 use std::ops::Range;
 
 /// A name makes left-out passes significantly worse where that many of the draws say so: one side of
@@ -170,10 +170,10 @@ impl Question<'_> {
         found: &[Found<M>],
         passes: &Passes,
     ) -> Result<Standing<M>, InferError> {
-        let mut drawn = Drawn::new(self, found, passes)?;
-        let mut judged: BTreeMap<usize, Vec<Cause<M::Tried>>> = BTreeMap::new();
+        let mut drawn = Drawn::new(self, found, passes, Drawn::near(found))?;
+        let mut judged = BTreeSet::new();
         let mut out = Standing {
-            set: drawn.base(),
+            set: base_of(found),
             causes: Vec::new(),
             dropped: Vec::new(),
             considered: Vec::new(),
@@ -183,10 +183,9 @@ impl Question<'_> {
                 break;
             }
             // What was judged before has been taken apart before.
-            while !found[set].names.is_empty() && !judged.contains_key(&set) {
+            while !found[set].names.is_empty() && judged.insert(set) {
                 let causes = self.causes(&mut drawn, set)?;
                 out.considered.push(causes.clone());
-                judged.insert(set, causes.clone());
                 let failed = (0..causes.len()).filter(|&k| !self.stands(&causes[k]));
                 let weakest =
                     failed.min_by(|a, b| causes[*a].probability.total_cmp(&causes[*b].probability));
@@ -200,7 +199,7 @@ impl Question<'_> {
                 if cause.by_evidence > 0.5 && cause.features.departs_sd > self.policy.departs_sd {
                     out.dropped.push(cause.clone());
                 }
-                set = drawn.without(set, k);
+                set = without(found, &found[set], k);
             }
         }
         out.forget_what_is_stated();
@@ -298,8 +297,8 @@ impl Question<'_> {
         if of.names.is_empty() {
             return Ok(Vec::new());
         }
-        let without = (0..of.names.len()).map(|k| drawn.without(set, k));
-        drawn.weigh(self, without.chain([set]).collect())?;
+        let bare = (0..of.names.len()).map(|k| without(drawn.found, of, k));
+        drawn.weigh(self, bare.chain([set]).collect())?;
         let departures = departures(of, &self.posterior(of)?);
         let cause = |(k, departure)| self.cause(drawn, (set, k), departure);
         departures.into_iter().enumerate().map(cause).collect()
@@ -316,7 +315,7 @@ impl Question<'_> {
     ) -> Result<Cause<M::Tried>, InferError> {
         let found = drawn.found;
         let (index, own) = (set, &found[set]);
-        let bare = drawn.without(set, k);
+        let bare = without(found, own, k);
         let without = &found[bare];
         let top = own.ln_score();
         let ln = |f: &Found<M>| f.ln_score() - top;
@@ -435,7 +434,7 @@ impl Question<'_> {
             return Ok(Vec::new());
         }
         let all: Vec<usize> = (0..plain.len()).collect();
-        let share = Drawn::all(self, plain, passes)?.shares(&all);
+        let share = Drawn::new(self, plain, passes, all.clone())?.shares(&all);
         let mut order: Vec<usize> = (0..plain.len()).collect();
         order.sort_by(|a, b| share[*b].total_cmp(&share[*a]));
         let mut out = Vec::new();

@@ -99,13 +99,13 @@ pub use form::{Basis, COORDINATES, SWING, Sizes};
 pub use judge::{Cause, Judgement, Rest, RestKind};
 pub use learned_noise::LearnedNoise;
 pub use left_out::Expected;
-pub use names::{Catalogue, Found, Question, Screened, Start};
+pub use names::{Catalogue, Found, Question, Screened, Start, without};
 pub use nearest::Nearest;
 pub use noise::Noise;
 pub use parallel_map::parallel_map;
 pub use policy::{NAMED, Policy};
 pub use posterior::{Estimate, Posterior};
-pub use probability::{CauseMap, Features, TERMS};
+pub use probability::{CauseMap, Features};
 pub use rows::{ForwardModel, PlumePlace, Prediction, Prior, Rows};
 
 /// What this crate refuses.

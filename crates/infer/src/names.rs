@@ -133,6 +133,22 @@ impl<M: Catalogue> Found<M> {
     }
 }
 
+/// The base: the set without names, which is always among those that a search found.
+pub(crate) fn base_of<M: Catalogue>(found: &[Found<M>]) -> usize {
+    let base = found.iter().position(|f| f.names.is_empty());
+    base.unwrap_or(0)
+}
+
+/// The likeliest of the sets that a search found with none but the names of `set` without that at `k`, the base among them.
+pub fn without<M: Catalogue>(found: &[Found<M>], set: &Found<M>, k: usize) -> usize {
+    let is_other = |n: &M::Tried| {
+        let mut names = set.names.iter().enumerate();
+        names.any(|(j, o)| j != k && M::same_cause(n, o))
+    };
+    let within = |f: &Found<M>| f.names.iter().all(is_other);
+    found.iter().position(within).unwrap_or(0)
+}
+
 /// A cause as the linear problem beside a fit has it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Screened {

@@ -92,8 +92,8 @@ impl<A: Agent> Member<A> {
 /// Members that a thread takes at a time: a tick of so many vehicles takes longer than to wake a thread, some 50 µs.
 const MEMBERS_AT_A_TIME: usize = 32;
 
-/// Lets all members act; where they are many and work is shared, on as many threads as there are processors. Nobody receives in a tick what
-/// is published in it, so the result does not depend on who acts first.
+/// Lets all members act; where they are many and work is shared, on as many threads as there are processors. Nobody
+/// receives in a tick what is published in it, so the result does not depend on who acts first.
 fn all_act<A: Agent + Send>(
     members: &mut [Member<A>],
     said: &[Publication],

@@ -111,18 +111,12 @@ impl Thinning {
         if !is_periodic {
             return true;
         }
-        let next = envelope.time.later(self.period_ns);
-        match self.due.get_mut(topic) {
-            Some(due) if envelope.time < *due => false,
-            Some(due) => {
-                *due = next;
-                true
-            }
-            None => {
-                self.due.insert(topic.clone(), next);
-                true
-            }
+        let is_due = self.due.get(topic).is_none_or(|due| envelope.time >= *due);
+        if is_due {
+            let next = envelope.time.later(self.period_ns);
+            self.due.insert(topic.clone(), next);
         }
+        is_due
     }
 }
 

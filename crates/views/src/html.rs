@@ -1,6 +1,7 @@
 //! Pieces of HTML that the reports share.
 
 use crate::figure::{Figure, intervals};
+pub(crate) use formats::number::fixed as number;
 use std::fmt::Write as _;
 
 /// `text` with the characters that HTML gives a meaning, and those that would change how the rest is shown, replaced.
@@ -211,20 +212,6 @@ impl Document {
     fn push(&mut self, arguments: std::fmt::Arguments<'_>) {
         // Writing into a String cannot fail.
         let _ = self.body.write_fmt(arguments);
-    }
-}
-
-/// `value` with `digits` after the point, or a dash where there is none.
-pub(crate) fn number(value: f64, digits: usize) -> String {
-    if value.is_finite() {
-        let text = format!("{value:.digits$}");
-        let is_zero = text.bytes().all(|b| matches!(b, b'-' | b'0' | b'.'));
-        // What rounds to nothing has no sign.
-        text.strip_prefix('-')
-            .filter(|_| is_zero)
-            .map_or(text.clone(), str::to_owned)
-    } else {
-        "–".to_owned()
     }
 }
 

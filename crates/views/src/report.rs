@@ -5,9 +5,11 @@ mod figures;
 
 use crate::html::{Document, number};
 use crate::site::{MapPoint, SiteMap};
+use air::geo::Enu;
 use formats::number::{plus_minus, significant};
 use protocol::message::{
-    ControlLevel, Estimate, Flux, Message, Model, Peak, PeakStatus, Phase, Severity, VehicleKind,
+    ControlLevel, Estimate, Flux, HALF_WIDTH_95_SD, Message, Model, Peak, PeakStatus, Phase,
+    Severity, VehicleKind,
 };
 use protocol::{Envelope, SimTime, Topic};
 use record::colour::Shown;
@@ -25,8 +27,6 @@ const HISTORY_POINTS: usize = 400;
 const MOST_PASSES: usize = 40;
 /// A vehicle is in the plume where the model predicts this part of the highest excess along its track.
 const IN_PLUME: f64 = 0.1;
-/// Half-width of a 95 % interval in standard deviations.
-const HALF95_SD: f64 = 1.96;
 /// Events that are listed.
 const EVENTS: usize = 30;
 
@@ -180,7 +180,7 @@ impl Report {
                     },
                     plus_minus(peak.co2_ppm, peak.sd_ppm),
                     ppm_of(summary.gas),
-                    self.distance_m(&peak)
+                    self.peak_distance_m(&peak)
                         .map_or(String::new(), |m| format!(", {m:.0} m from the source")),
                 )
             });
@@ -191,8 +191,8 @@ impl Report {
                     .to_owned()
             }
             PeakStatus::Supported => {
-                "Real readings support this, but too few crossings are near it to confirm it; \
-                                           each ± is one standard deviation."
+                "Real readings support this, but too few crossings are near it to confirm it; each ± is one \
+                 standard deviation."
                     .to_owned()
             }
             PeakStatus::Doubtful => {
@@ -203,11 +203,15 @@ impl Report {
         [done, found, format!("{worth} {}", next(summary))]
     }
 
-    /// Distance of a peak from the first source, m.
-    fn distance_m(&self, peak: &Peak) -> Option<f64> {
+    /// Distance of a place from the first source, m.
+    fn distance_m(&self, at: Enu) -> Option<f64> {
         let source = self.site.stacks.first()?;
-        let source = self.site.enu(source.lat_deg, source.lon_deg);
-        Some(source.distance_m(self.site.enu(peak.lat_deg, peak.lon_deg)))
+        Some(self.site.enu(source.lat_deg, source.lon_deg).distance_m(at))
+    }
+
+    /// The same of a peak.
+    fn peak_distance_m(&self, peak: &Peak) -> Option<f64> {
+        self.distance_m(self.site.enu(peak.lat_deg, peak.lon_deg))
     }
 
     /// The plume in the vertical plane of its axis, with what was read near it.
@@ -237,12 +241,11 @@ impl Report {
         let shown = |ppm: f64| number(ppm, summary.gas.digits());
         let row = |p: &Pass| {
             let at = &p.at;
-            let source = self.site.stacks.first();
-            let source = source.map(|s| self.site.enu(s.lat_deg, s.lon_deg));
+            let distance_m = self.distance_m(at.at);
             vec![
                 p.vehicle.clone(),
                 format!("{} to {}", clock(p.from_s), clock(p.to_s)),
-                source.map_or(String::new(), |s| number(s.distance_m(at.at), 0)),
+                distance_m.map_or(String::new(), |m| number(m, 0)),
                 number(at.alt_amsl_m - self.site.frame.ground_amsl_m, 0),
                 shown(p.read_ppm),
                 shown(p.predicted_ppm),
@@ -464,7 +467,7 @@ impl Report {
         let distance_m = summary
             .peak
             .estimate
-            .and_then(|found| self.distance_m(&found));
+            .and_then(|found| self.peak_distance_m(&found));
         if let Some(distance) = distance_m {
             let keep_out_m = self.site.keep_out_radius_m;
             let near = if keep_out_m > 0.0 {
@@ -706,7 +709,7 @@ fn emission(page: &mut Document, summary: &MissionSummary) {
     page.section("Emission rate");
     let row = |f: &FluxSummary| {
         let Estimate { value, sd } = f.found.kg_s;
-        let half = HALF95_SD * sd;
+        let half = HALF_WIDTH_95_SD * sd;
         vec![
             f.found.source.clone(),
             text::flux_method(f.found.method).to_owned(),

@@ -12,7 +12,7 @@ mod ground_check;
 mod plans;
 
 use ::plume::mechanism::MechanismId;
-use infer::{Believed, Catalogue as _, Found, InferError};
+use infer::{Believed, Found, InferError, without};
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use self::airspace::outside;
@@ -158,17 +158,11 @@ fn open<'s, 'a>(study: &'s Study<'a>) -> Vec<Vec<Rival<'s, 'a>>> {
         };
         let mut rivals: Vec<Rival<'_, '_>> = cause.names.iter().filter_map(rival).collect();
         if !cause.is_sure(study.question.policy) {
-            let others = |n: &Tried| {
-                let mut names = judged.set.names.iter().enumerate();
-                names.any(|(j, o)| j != k && PlumeModel::same_cause(o, n))
-            };
-            let mut found = study.found.iter();
-            let without = found.find(|f| f.names.iter().all(others));
-            rivals.extend(without.map(|found| Rival {
+            rivals.push(Rival {
                 id: None,
                 platform: None,
-                found,
-            }));
+                found: &study.found[without(&study.found, &judged.set, k)],
+            });
         }
         out.push(rivals);
     }

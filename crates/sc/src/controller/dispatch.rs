@@ -88,12 +88,8 @@ impl SquadronController {
             _ => None,
         });
         let mut ends: Vec<(Position, Position)> = under_way.collect();
-        if self.flies_passes() {
-            let source = self
-                .base
-                .sources
-                .first()
-                .map_or(Enu::default(), |s| s.place);
+        if let Some(estimate) = self.estimate().filter(|_| self.flies_passes()) {
+            let source = estimate.source;
             let coming = (0..RESERVED_PASSES)
                 .filter_map(|k| passes::in_order(self.phase, self.tasks.next_pass + k))
                 .filter_map(|crossing| self.plan_pass(crossing, source));

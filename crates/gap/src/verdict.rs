@@ -302,6 +302,8 @@ pub enum UnexplainedKind {
     AxisMotion,
     /// The mean plume has another form than the model's.
     Discrepancy,
+    /// The background varies in time or with height, the same for all sensors.
+    Background,
     /// A mechanism explains much, but fails a check.
     FailedCheck,
     /// The readings do not follow the modelled plume.
@@ -315,6 +317,7 @@ impl UnexplainedKind {
             Self::Fluctuation => "noise or fluctuation of concentrations beyond what is ordinary",
             Self::AxisMotion => "motion of the plume's axis",
             Self::Discrepancy => "a discrepancy of the model",
+            Self::Background => "a background that varies for all sensors alike",
             Self::FailedCheck => "a mechanism that fails a check",
             Self::NoContact => "the readings do not follow the modelled plume",
         }
@@ -330,6 +333,9 @@ impl UnexplainedKind {
             }
             Self::AxisMotion => "log the wind near the source, at the height of the plume",
             Self::Discrepancy => "fly passes at other distances and heights",
+            Self::Background => {
+                "measure the background: one vehicle or a fixed sensor upwind, or a profile beside the plume"
+            }
             Self::FailedCheck => "repeat the passes: the mechanism stands if it predicts them",
             Self::NoContact => {
                 "check the source's position, the wind direction and the clock of the log"
@@ -344,6 +350,7 @@ impl From<infer::RestKind> for UnexplainedKind {
             infer::RestKind::Noise => Self::Fluctuation,
             infer::RestKind::AxisMotion => Self::AxisMotion,
             infer::RestKind::Form => Self::Discrepancy,
+            infer::RestKind::Background(_) => Self::Background,
             infer::RestKind::None => Self::FailedCheck,
         }
     }

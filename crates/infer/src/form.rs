@@ -70,7 +70,7 @@ pub(crate) fn precision_of(size: f64) -> f64 {
 
 /// Bumps along one coordinate.
 #[derive(Debug, Clone, PartialEq)]
-struct Bumps {
+pub(crate) struct Bumps {
     first: f64,
     spacing: f64,
     width: f64,
@@ -81,7 +81,7 @@ struct Bumps {
 
 impl Bumps {
     /// Bumps over `[low, high]` and one width beyond.
-    fn over(low: f64, high: f64, width: f64, most: usize) -> Self {
+    pub fn over(low: f64, high: f64, width: f64, most: usize) -> Self {
         let span = (high - low).max(0.0) + 2.0 * width;
         // As close as the least number needs for a smooth sum, but no more than `most`.
         let width = width.max(span / (most as f64 * SPACING_OVER_WIDTH));
@@ -99,6 +99,19 @@ impl Bumps {
         bumps.fill(middle, &mut at_middle);
         bumps.scale = 1.0 / at_middle.iter().map(|b| b * b).sum::<f64>().sqrt();
         bumps
+    }
+
+    /// The values of each bump at all places.
+    pub fn columns(&self, at: &[f64]) -> Vec<Vec<f64>> {
+        let mut out = vec![vec![0.0; at.len()]; self.count];
+        let mut values = vec![0.0; self.count];
+        for (row, at) in at.iter().enumerate() {
+            self.fill(*at, &mut values);
+            for (column, value) in out.iter_mut().zip(&values) {
+                column[row] = *value;
+            }
+        }
+        out
     }
 
     fn fill(&self, at: f64, out: &mut [f64]) {
@@ -428,7 +441,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// Least and largest of the finite values; zero where there is none.
-fn extent(values: impl Iterator<Item = f64>) -> (f64, f64) {
+pub(crate) fn extent(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let (low, high) = values
         .filter(|v| v.is_finite())
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {

@@ -2,6 +2,7 @@
 //! and must leave no error of form that explains more.
 
 use crate::InferError;
+use crate::background::Along;
 use crate::drawn::{Drawn, Passes, RIVAL_NATS};
 use crate::form::SWING;
 use crate::left_out::Expected;
@@ -80,6 +81,8 @@ pub enum RestKind {
     AxisMotion,
     /// The form of the mean plume.
     Form,
+    /// A background that is the same all the time and at all heights.
+    Background(Along),
     /// Nothing: a mechanism explains much, but fails a check.
     None,
 }
@@ -206,9 +209,25 @@ impl Question<'_> {
         Ok(out)
     }
 
+    /// The largest deviation beside the names of a set: of the plume, or of a background that varies.
+    fn rest<M: Catalogue>(
+        &self,
+        set: &Found<M>,
+        passes: &[Vec<Range<usize>>],
+    ) -> Result<Rest, InferError> {
+        let rest = self.rest_of_plume(set, passes)?;
+        let (nats, along) = self.background_gain(set)?;
+        // Passes left out, at other times, cannot gain by it.
+        if nats > self.policy.rest_alone_nats.max(rest.nats) {
+            let kind = RestKind::Background(along);
+            return Ok(Rest { nats, kind });
+        }
+        Ok(rest)
+    }
+
     /// Log evidence of the error of form, of more swing and of more noise than is tolerated beside the
     /// names of a set; none where it is not much and passes left out do not gain by it.
-    fn rest<M: Catalogue>(
+    fn rest_of_plume<M: Catalogue>(
         &self,
         set: &Found<M>,
         passes: &[Vec<Range<usize>>],

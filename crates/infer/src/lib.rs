@@ -70,6 +70,7 @@
 //! Pure: no clock, file, socket, environment or random number.
 
 mod ahead;
+mod background;
 mod contact;
 mod drawn;
 mod evidence;
@@ -93,6 +94,7 @@ mod slopes;
 mod start;
 
 pub use ahead::{Ahead, Believed};
+pub use background::Along;
 pub use contact::Contact;
 pub use fit::{Fit, Point, Problem};
 pub use form::{Basis, COORDINATES, SWING, Sizes};

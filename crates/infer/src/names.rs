@@ -834,7 +834,7 @@ impl Tried {
     }
 }
 
-fn ln_sum(values: impl Iterator<Item = f64> + Clone) -> f64 {
+pub(crate) fn ln_sum(values: impl Iterator<Item = f64> + Clone) -> f64 {
     let top = values.clone().fold(f64::NEG_INFINITY, f64::max);
     if !top.is_finite() {
         return top;

@@ -421,7 +421,9 @@ impl<M: ForwardModel> Problem<'_, M> {
         let layout = found.known.layout.clone();
         let part = |&(ln, sizes): &(f64, Sizes)| {
             let coordinates = found.fit.basis.coordinates();
-            let (step, precision) = found.known.solved(&found.products, &sizes, coordinates)?;
+            let (mut step, precision) = found.known.solved(&found.products, &sizes, coordinates)?;
+            // A fit that did not settle promises what a linear problem cannot keep.
+            step.unscale_mut(self.excess_of_unknowns(&found.known, &step));
             Some(Part {
                 weight: ln.exp(),
                 sizes,
@@ -451,6 +453,17 @@ impl<M: ForwardModel> Problem<'_, M> {
 }
 
 impl<M: ForwardModel> Problem<'_, M> {
+    /// By what the unknowns' part of a step exceeds the longest step of a search; one where it does not.
+    fn excess_of_unknowns(&self, known: &Known, step: &DVector<f64>) -> f64 {
+        let unknowns = step.iter().skip(known.layout.unknowns);
+        let in_sd = unknowns
+            .zip(&known.precision)
+            .map(|(s, p)| s.abs() * p.sqrt());
+        in_sd
+            .map(|sd| sd / self.policy.longest_step_sd)
+            .fold(1.0, f64::max)
+    }
+
     fn scatter(&self, found: &Weighed, likeliest: &Part) -> Result<Scatter, InferError> {
         let (known, by_pass) = self.by_pass(&found.fit)?;
         let (n, columns) = (known.layout.tried, known.layout.columns);

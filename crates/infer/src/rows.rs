@@ -201,6 +201,11 @@ pub trait ForwardModel: Sync {
         0.0
     }
 
+    /// Height of the sensor at a row, m above ground; the same at all rows where heights are not known.
+    fn height_agl_m(&self, _row: usize) -> f64 {
+        0.0
+    }
+
     /// The rows that an unknown moves, where they are not all of them: those of one sensor.
     fn rows_of(&self, _unknown: usize) -> Option<Range<usize>> {
         None

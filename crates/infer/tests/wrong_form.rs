@@ -13,7 +13,7 @@ mod bar;
 mod gaussian;
 
 use gaussian::{Model, PEAK, Reality, measured, peak_truth, readings, realities, rows_of};
-use infer::{Estimate, Policy, Posterior, Problem, Rows, SWING};
+use infer::{Estimate, ForwardModel, Policy, Posterior, Problem, Rows, SWING};
 
 /// Time of the asked peak, s: within the record.
 const ASKED_S: f64 = 800.0;
@@ -139,6 +139,27 @@ fn a_swinging_axis_is_followed() {
     // 60 degrees in 2100 s.
     let turned = found.turn_deg(800.0) - found.turn_deg(200.0);
     assert!((turned - 60.0 * 600.0 / 2100.0).abs() < 2.0, "{turned}");
+}
+
+/// A quick fit may promise more, by an error of form that it has not tried, than a linear problem keeps: its mean stays
+/// within the longest step of a search.
+#[test]
+fn a_mean_is_no_farther_from_the_fit_than_one_step() {
+    let model = Model::new(1.0);
+    let policy = Policy::default();
+    for (name, reality) in realities() {
+        let rows = readings(&reality, 1);
+        let problem = Problem::new(&model, &rows, &policy, SENSOR_PPM, &[]);
+        let found = problem.quick_posterior().unwrap();
+        let (mean, point) = (found.mean(), &found.fit().point.at);
+        for (k, prior) in model.priors().iter().enumerate() {
+            let step_sd = (mean[k] - point[k]).abs() / prior.sd;
+            assert!(
+                step_sd < policy.longest_step_sd + 1e-9,
+                "{name}, {k}: {step_sd}"
+            );
+        }
+    }
 }
 
 /// One wild reading is a spike and moves nothing; a plume that the model does not have is none.

@@ -225,6 +225,8 @@ pub struct PeakSummary {
     pub status: PeakStatus,
     /// The last estimate; none where the readings follow no plume.
     pub estimate: Option<Peak>,
+    /// Its 95 % interval, ppm: the excess over the background is positive; none without an estimate.
+    pub interval_95_ppm: Option<[f64; 2]>,
     /// The highest reading of a real vehicle; none without one.
     pub highest_reading: Option<HighestReading>,
     /// The maximum of the reality's mean field where set-points may go, in its slow wind at the
@@ -278,6 +280,8 @@ pub struct FluxSummary {
     /// What was found.
     #[serde(flatten)]
     pub found: Flux,
+    /// The 95 % interval of a positive rate, kg/s; none where the rate is not positive.
+    pub interval_95_kg_s: Option<[f64; 2]>,
     /// Emission of the stand-in's reality, kg/s, where it is known.
     pub truth_kg_s: Option<f64>,
 }
@@ -570,9 +574,19 @@ impl Summariser {
         let error_m = estimate
             .zip(truth)
             .map(|(found, truth)| distance_m(&self.context.frame, &found, &truth));
+        let interval = |p: Peak| {
+            let above_ppm = self.after.background_ppm.value;
+            let excess = Estimate {
+                value: p.co2_ppm - above_ppm,
+                sd: p.sd_ppm,
+            };
+            let interval = excess.positive_interval_95()?;
+            Some(interval.map(|end| above_ppm + end))
+        };
         PeakSummary {
             status: self.status(),
             estimate,
+            interval_95_ppm: estimate.and_then(interval),
             highest_reading: self.highest_reading(),
             truth,
             error_m,
@@ -608,6 +622,7 @@ impl Summariser {
             FluxMethod::MassBalance => (!known.is_empty()).then(|| known.iter().map(|k| k.1).sum()),
         };
         FluxSummary {
+            interval_95_kg_s: found.kg_s.positive_interval_95(),
             truth_kg_s,
             found: found.clone(),
         }

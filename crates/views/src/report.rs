@@ -8,8 +8,7 @@ use crate::site::{MapPoint, SiteMap};
 use air::geo::Enu;
 use formats::number::{plus_minus, significant};
 use protocol::message::{
-    ControlLevel, Estimate, Flux, HALF_WIDTH_95_SD, Message, Model, Peak, PeakStatus, Phase,
-    Severity, VehicleKind,
+    ControlLevel, Estimate, Flux, Message, Model, Peak, PeakStatus, Phase, Severity, VehicleKind,
 };
 use protocol::{Envelope, SimTime, Topic};
 use record::colour::Shown;
@@ -709,16 +708,14 @@ fn emission(page: &mut Document, summary: &MissionSummary) {
     page.section("Emission rate");
     let row = |f: &FluxSummary| {
         let Estimate { value, sd } = f.found.kg_s;
-        let half = HALF_WIDTH_95_SD * sd;
+        let interval = f
+            .interval_95_kg_s
+            .map(|ends| ends.map(significant).join(" to "));
         vec![
             f.found.source.clone(),
             text::flux_method(f.found.method).to_owned(),
             plus_minus(value, sd),
-            format!(
-                "{} to {}",
-                significant((value - half).max(0.0)),
-                significant(value + half)
-            ),
+            interval.unwrap_or_else(|| "–".to_owned()),
             f.truth_kg_s.map_or("unknown".to_owned(), significant),
         ]
     };

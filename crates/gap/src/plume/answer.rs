@@ -6,7 +6,7 @@ use air::geo::wrap_deg;
 use nalgebra::DMatrix;
 use scenario::observations::Observations;
 
-use infer::{Cause as Named, Found, InferError, SWING};
+use infer::{Along, Cause as Named, Found, InferError, RestKind, SWING};
 
 use super::catalogue::Tried;
 use super::data::{Data, Setup, mean_transport};
@@ -309,8 +309,13 @@ fn unexplained(study: &Study<'_>, named: bool) -> Result<Option<Unexplained>, In
     candidates.truncate(study.question.policy.most_candidates);
     let (from_s, to_s, platforms) = stretch(study);
     let sizes = judged.set.likeliest_sizes();
-    let coordinate = ["along_wind", "height", "across_wind", "time", "time"];
+    let of_plume = ["along_wind", "height", "across_wind", "time", "time"];
     let largest = (0..sizes.len()).max_by(|a, b| sizes[*a].total_cmp(&sizes[*b]));
+    let coordinate = match judged.rest.kind {
+        RestKind::Background(Along::Height) => "height",
+        RestKind::Background(Along::Time) => "time",
+        _ => of_plume[largest.unwrap_or(SWING)],
+    };
     let kind = if astray || (elsewhere && !named) {
         UnexplainedKind::NoContact
     } else {
@@ -318,7 +323,7 @@ fn unexplained(study: &Study<'_>, named: bool) -> Result<Option<Unexplained>, In
     };
     Ok(Some(Unexplained {
         kind,
-        coordinate: coordinate[largest.unwrap_or(SWING)].to_string(),
+        coordinate: coordinate.to_string(),
         term: kind.words().to_string(),
         from_s,
         to_s,

@@ -545,6 +545,10 @@ impl ForwardModel for PlumeModel<'_> {
         Ok(out)
     }
 
+    fn height_agl_m(&self, row: usize) -> f64 {
+        self.track.place(row).height_agl_m
+    }
+
     fn under_way_s(&self, row: usize) -> f64 {
         match self.swing {
             Swing::AtOnce => 0.0,

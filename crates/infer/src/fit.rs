@@ -254,7 +254,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
     }
 
     /// The noise that is most probable before any reading.
-    pub(crate) fn noise_beforehand(&self) -> Noise {
+    pub(crate) fn prior_noise(&self) -> Noise {
         Noise::from_ln(self.noise_prior().map(|(mean, _)| mean))
     }
 

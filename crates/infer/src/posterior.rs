@@ -118,7 +118,7 @@ impl<M: ForwardModel> Problem<'_, M> {
         let point = self.rough_fit(start, 0.0)?;
         let basis = self.basis(&point)?;
         let sizes = self.policy.nearest_sizes(0.0, 0.0);
-        let first = self.fit(&point, &basis, self.noise_beforehand(), sizes)?;
+        let first = self.fit(&point, &basis, self.prior_noise(), sizes)?;
         self.around(self.refit_noise(&first)?)
     }
 
@@ -272,7 +272,7 @@ impl<M: ForwardModel> Problem<'_, M> {
     /// Posteriors from several starts, noises and sizes of the error of form: the likelihood has
     /// several valleys where a plume wanders.
     fn first_fits(&self) -> Result<Vec<Weighed>, InferError> {
-        let beforehand = self.noise_beforehand();
+        let beforehand = self.prior_noise();
         let still = self.rough_fit(&self.search()?, 0.0)?;
         let (swung, swing_deg) = self.swung(&still)?;
         let mut points = vec![(still, 0.0)];

@@ -91,7 +91,7 @@ impl<M: ForwardModel> Problem<'_, M> {
     /// A fit without an error of form, whose noise grows with what was read as well as with what is
     /// expected: a plume that is wider than the model's must widen it, not be fled from.
     pub(crate) fn rough_fit(&self, start: &Point, swing_deg: f64) -> Result<Point, InferError> {
-        let beforehand = self.noise_beforehand();
+        let beforehand = self.prior_noise();
         let noise = Noise {
             fluctuation: FLICKER * beforehand.fluctuation,
             ..beforehand

@@ -147,7 +147,7 @@ impl Considered {
                     }
             })
         };
-        let names = || cause.names.iter().map(|n| &n.0);
+        let names = || cause.mechanisms.iter().map(|n| &n.0);
         Self {
             mechanisms: names().map(|n| n.0.clone()).collect(),
             platforms: names().map(|n| n.1.clone()).collect(),
@@ -155,7 +155,7 @@ impl Considered {
             probability: cause.probability,
             by_evidence: cause.by_evidence,
             terms: cause.features.terms().to_vec(),
-            left_out_low: cause.left_out.1,
+            left_out_low: cause.hold_out.1,
             worse: cause.worse,
         }
     }
@@ -561,7 +561,7 @@ mod tests {
     #[test]
     fn what_was_judged_is_true_on_its_platform() {
         let judged = |id: &str, platform: Option<&str>| infer::Cause {
-            names: vec![((id.to_owned(), platform.map(str::to_owned)), 0.9)],
+            mechanisms: vec![((id.to_owned(), platform.map(str::to_owned)), 0.9)],
             probability: 0.9,
             by_evidence: 0.95,
             features: infer::Features {
@@ -571,7 +571,7 @@ mod tests {
             },
             gain: 5.0,
             nats_to_next: 3.0,
-            left_out: (4.0, 1.0),
+            hold_out: (4.0, 1.0),
             worse: [0.0; 3],
         };
         let lag = |platforms: &[&str]| Hidden {

@@ -1,7 +1,7 @@
 //! The gap of plume and sensors: concentrations along tracks against the plume model.
 //!
 //! The order of work: gate the raw data, choose the wind that carried the plume, fit the base with its
-//! error of form and its noise, ask whether the readings follow the plume at all, search the
+//! discrepancy and its noise, ask whether the readings follow the plume at all, search the
 //! mechanisms of the catalogue for sets that explain more, judge what stands of them on passes left
 //! out and drawn anew, and measure the gain. All of it but the forward model is [`infer`]'s. The
 //! method, with its equations, sources and limits, is in `docs/gap.md`.
@@ -18,13 +18,13 @@ mod known_noise;
 mod logged;
 mod model;
 mod next_flight;
-mod own;
 mod pair;
 mod records;
 mod report;
 mod residual;
 mod rest;
 mod second_source;
+mod sensor_calibration;
 mod wind;
 pub(crate) mod zero;
 
@@ -32,20 +32,20 @@ pub use apply::apply;
 pub use averaged::{Averaging, averaged};
 pub use data::{Prior, Setup};
 pub use model::{PlumeModel, Unknown, at_coordinates, plume_place, priors_about};
-pub use own::HELD;
 pub use records::{Records, sensor_sd};
 pub use report::{GapReport, Series};
+pub use sensor_calibration::HELD;
 pub use wind::Carried;
 
 use std::borrow::Cow;
 
 use ::plume::stability::Stability;
-use infer::{Contact, ForwardModel, Found, InferError, Judgement, Policy, Question};
+use infer::{Contact, FittedSet, ForwardModel, InferError, Judgement, Policy, Question};
 use scenario::observations::{Observations, checks};
 
 use crate::GapError;
 use crate::verdict::{GapJson, Readings, Verdict};
-use catalogue::Tried;
+use catalogue::Hypothesis;
 use data::Data;
 
 /// How the analysis is run.
@@ -53,7 +53,7 @@ use data::Data;
 pub struct Options {
     /// Seed of the draws of passes; the same seed gives the same answer.
     pub seed: u64,
-    /// Whether to try all winds of a log, measure the gain on data left out, say what could be seen and propose
+    /// Whether to try all winds of a log, measure the gain on data held out, say what could be seen and propose
     /// a next flight.
     pub complete: bool,
     /// About how many rows are enough to find the plume and the wind that carries it, from where all are
@@ -75,7 +75,7 @@ impl Default for Options {
 }
 
 impl Options {
-    /// A lighter run for use during a mission: at most two names, no scores on data left out.
+    /// A lighter run for use during a mission: at most two names, no scores on data held out.
     pub fn live() -> Self {
         let policy = Policy {
             most_names: 2,
@@ -122,7 +122,7 @@ pub struct Analysis {
 /// Mechanisms that were named, with their fit.
 #[derive(Debug, Clone)]
 pub struct NamedSet {
-    names: Vec<Tried>,
+    names: Vec<Hypothesis>,
     fit: infer::Fit,
 }
 
@@ -252,11 +252,11 @@ struct Study<'a> {
     setup: &'a Setup,
     data: &'a Data,
     question: Question<'a>,
-    tried: Vec<Tried>,
-    base: Found<PlumeModel<'a>>,
+    tried: Vec<Hypothesis>,
+    base: FittedSet<PlumeModel<'a>>,
     contact: Option<Contact>,
     /// The sets that were fitted, the likeliest first.
-    found: Vec<Found<PlumeModel<'a>>>,
+    found: Vec<FittedSet<PlumeModel<'a>>>,
     /// What stands.
     judged: Judgement<PlumeModel<'a>>,
     /// What of the wind's log carries the plume; none without a log.
@@ -307,15 +307,15 @@ fn analyse_once(
     let carried = records.carried(setup)?;
     let tracks = records.tracks(setup, carried);
     let first_model = PlumeModel::of(setup, &tracks[0], scale);
-    let (first_base, swing) = records.searched(&first_model, carried)?;
-    let first_model = first_model.following(swing);
-    let model = PlumeModel::of(setup, &tracks[1], scale).following(swing);
+    let (first_base, axis_drift) = records.searched(&first_model, carried)?;
+    let first_model = first_model.following(axis_drift);
+    let model = PlumeModel::of(setup, &tracks[1], scale).following(axis_drift);
     let base = question.set_from(&model, Vec::new(), &first_base)?;
     tell(0.25, "testing whether the readings follow the plume");
     let contact = first_question.contact(&first_model, base.at())?;
     let mut named = match aimed(&first_question, &first_model, &model, contact.as_ref())? {
         Some((found, aimed)) => {
-            vec![question.set_from(&aimed, found.names.clone(), found.fit())?]
+            vec![question.set_from(&aimed, found.mechanisms.clone(), found.fit())?]
         }
         None => Vec::new(),
     };
@@ -334,7 +334,7 @@ fn analyse_once(
     // A name may have led to a better base, beside which all sets were judged.
     let base = found
         .iter()
-        .find(|f| f.names.is_empty())
+        .find(|f| f.mechanisms.is_empty())
         .unwrap_or(&base)
         .clone();
     tell(0.8, "testing the causes");
@@ -368,7 +368,7 @@ fn aimed<'a>(
     first: &PlumeModel<'a>,
     model: &PlumeModel<'a>,
     contact: Option<&Contact>,
-) -> Result<Option<(Found<PlumeModel<'a>>, PlumeModel<'a>)>, InferError> {
+) -> Result<Option<(FittedSet<PlumeModel<'a>>, PlumeModel<'a>)>, InferError> {
     let Some(contact) = contact.filter(|c| elsewhere(c)) else {
         return Ok(None);
     };

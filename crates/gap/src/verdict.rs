@@ -218,7 +218,7 @@ pub struct HeldOut {
 /// What the extension gains.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Gain {
-    /// Number of blocks left out in turn.
+    /// Number of blocks held out in turn.
     pub blocks: usize,
     /// Scores on them.
     pub held_out: HeldOut,
@@ -349,7 +349,7 @@ impl From<infer::RestKind> for UnexplainedKind {
         match kind {
             infer::RestKind::Noise => Self::Fluctuation,
             infer::RestKind::AxisMotion => Self::AxisMotion,
-            infer::RestKind::Form => Self::Discrepancy,
+            infer::RestKind::Discrepancy => Self::Discrepancy,
             infer::RestKind::Background(_) => Self::Background,
             infer::RestKind::None => Self::FailedCheck,
         }
@@ -461,7 +461,7 @@ pub struct Candidate {
     pub mechanisms: Vec<String>,
     /// Part of the passes drawn anew in which it is the likeliest.
     pub probability: f64,
-    /// Gain of the log evidence where the model has no error of form, nats.
+    /// Gain of the log evidence where the model has no discrepancy, nats.
     pub log_evidence: f64,
     /// Its parameters.
     pub parameters: Vec<Parameter>,
@@ -472,7 +472,7 @@ pub struct Candidate {
 pub struct Discrepancy {
     /// Its relative size: one standard deviation of the logarithm of the plume.
     pub size: f64,
-    /// Swing and wander of the axis about the model's, degrees.
+    /// Axis drift and wander of the axis about the model's, degrees.
     pub wander_deg: f64,
     /// Log evidence of it, and of more noise than is known, over none, nats.
     pub log_evidence: f64,

@@ -4,9 +4,9 @@
 //! sensor rarely drifts alike each time it returns to a height. The gain of the log evidence is that price.
 
 use crate::InferError;
+use crate::discrepancy::{BasisFunctions, extent};
 use crate::evidence::{Evidence, Reduced};
-use crate::form::{Bumps, extent};
-use crate::names::{Catalogue, Found, Question, ln_sum};
+use crate::mechanism_search::{Catalogue, FittedSet, Question, ln_sum};
 
 /// Standard deviations of the variation that are tried, multiples of the sensor's own noise: what averaging over a few
 /// readings shows, and as much as a plume far away.
@@ -33,11 +33,11 @@ impl Question<'_> {
     /// Gain of the log evidence of a set, nats, by a background that varies along the coordinate that gains most.
     pub(crate) fn background_gain<M: Catalogue>(
         &self,
-        set: &Found<M>,
+        set: &FittedSet<M>,
     ) -> Result<(f64, Along), InferError> {
         let policy = self.policy;
         let times = extent(self.rows.time_s().iter().copied());
-        let time = Bumps::over(times.0, times.1, WIDTH_S, MOST_IN_TIME);
+        let time = BasisFunctions::over(times.0, times.1, WIDTH_S, MOST_IN_TIME);
         let heights_m: Vec<f64> = (0..self.rows.len())
             .map(|row| set.model.height_agl_m(row))
             .collect();
@@ -46,7 +46,12 @@ impl Question<'_> {
         let mut columns = time.columns(self.rows.time_s());
         let mut along = vec![(Along::Time, 0..columns.len())];
         if high_m - low_m > LEAST_HEIGHTS_M {
-            let height = Bumps::over(low_m, high_m, width_m, policy.form_most_bumps);
+            let height = BasisFunctions::over(
+                low_m,
+                high_m,
+                width_m,
+                policy.discrepancy_most_basis_functions,
+            );
             let first = columns.len();
             columns.extend(height.columns(&heights_m));
             along.push((Along::Height, first..columns.len()));

@@ -25,7 +25,7 @@ const LEVEL_SDS: f64 = 3.0;
 pub struct Contact {
     /// Passes that show a plume, in whatever direction.
     pub passes: usize,
-    /// Part of what these gain at best that they gain where the model has the plume, within the swing
+    /// Part of what these gain at best that they gain where the model has the plume, within the axis drift
     /// that is tolerated.
     pub share: f64,
     /// Turn of the axis, degrees clockwise, at which the passes meet it best, with the standard deviation

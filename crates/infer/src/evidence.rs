@@ -1,12 +1,12 @@
-//! Evidence of a linear problem for any sizes of the error of form and any names, from the products
+//! Evidence of a linear problem for any sizes of the discrepancy and any mechanisms, from the products
 //! of its whitened columns: unknowns are integrated out one after the other, those whose priors
 //! change least often first, so that what was done is kept for the next.
 
-use crate::form::{COORDINATES, Sizes, precision_of};
+use crate::discrepancy::{COORDINATES, Sizes, precision_of};
 use nalgebra::{Cholesky, DMatrix, DMatrixView, DMatrixViewMut, DVector, Dyn};
 use std::collections::BTreeMap;
 
-/// Coordinates in the order in which their weights are integrated out: swing and time have the
+/// Coordinates in the order in which their weights are integrated out: axis drift and time have the
 /// most weights.
 const ORDER: [usize; COORDINATES] = [4, 3, 2, 1, 0];
 /// Columns whose products are taken at once.
@@ -15,7 +15,7 @@ const BLOCK: usize = 32;
 const KEPT: usize = 2;
 
 /// Where the columns of a problem stand: weights of the coordinates in `ORDER`, unknowns, columns
-/// of names that are tried, misfit.
+/// of mechanisms that are tried, misfit.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Layout {
     counts: [usize; COORDINATES],

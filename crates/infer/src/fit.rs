@@ -1,11 +1,11 @@
-//! The fit: the most probable unknowns, error of form and swing of the axis, by Gauss-Newton
+//! The fit: the most probable unknowns, discrepancy and drift of the axis, by Gauss-Newton
 //! steps under the noise's own metric, and the linear problem there, from which evidence and
 //! standard deviations follow.
 
 use crate::InferError;
+use crate::discrepancy::{AXIS_DRIFT, Active, Basis, Growth, Sizes, precision_of};
 use crate::evidence::{Known, Layout, Products};
 use crate::fluctuation::{Fluctuation, FluctuationLaw};
-use crate::form::{Active, Basis, Growth, SWING, Sizes, precision_of};
 use crate::maximise::maximise;
 use crate::noise::{Loadings, Means, Noise, Whitener, log_likelihood};
 use crate::policy::Policy;
@@ -45,36 +45,39 @@ pub struct Problem<'a, M> {
     pub(crate) policy: &'a Policy,
     pub(crate) sensor_sd: f64,
     pub(crate) asked: &'a [PlumePlace],
-    pub(crate) turning: Arc<Turning>,
+    pub(crate) turning: Arc<AxisDrift>,
     /// How concentrations fluctuate.
     pub(crate) fluctuation: FluctuationLaw,
 }
 
-/// How a swing turns the rows: the same for all models of them that differ in names alone.
+/// How an axis drift turns the rows: the same for all models of them that differ in mechanisms alone.
 #[derive(Debug)]
-pub(crate) struct Turning {
-    /// Bumps of a swing alone, which those of every basis end with, and their values, row after row.
-    pub swing: Basis,
-    pub bumps: Vec<f64>,
+pub(crate) struct AxisDrift {
+    /// Basis functions of an axis drift alone, which those of every basis end with, and their values, row after row.
+    pub axis_drift: Basis,
+    pub basis_functions: Vec<f64>,
     /// When the first air that was met left the source, s.
     from_s: f64,
     /// Their means over the rows, and their slopes over time.
     steady: [Vec<f64>; STEADY],
 }
 
-impl Turning {
+impl AxisDrift {
     fn new(model: &impl ForwardModel, rows: &Rows, policy: &Policy) -> Self {
         let left_s = |row: usize| rows.time_s()[row] - model.under_way_s(row);
         let from_s = (0..rows.len()).map(left_s).fold(f64::INFINITY, f64::min);
-        let swing = Basis::of_swing(rows.time_s(), from_s, policy);
-        let mut bumps = vec![0.0; rows.len() * swing.len()];
-        for (row, out) in bumps.chunks_exact_mut(swing.len()).enumerate() {
-            swing.fill_swing_since(rows.time_s()[row], model.under_way_s(row), out);
+        let axis_drift = Basis::of_axis_drift(rows.time_s(), from_s, policy);
+        let mut basis_functions = vec![0.0; rows.len() * axis_drift.len()];
+        for (row, out) in basis_functions
+            .chunks_exact_mut(axis_drift.len())
+            .enumerate()
+        {
+            axis_drift.fill_axis_drift_since(rows.time_s()[row], model.under_way_s(row), out);
         }
         Self {
-            steady: steady(rows.time_s(), &bumps, swing.len()),
-            swing,
-            bumps,
+            steady: steady(rows.time_s(), &basis_functions, axis_drift.len()),
+            axis_drift,
+            basis_functions,
             from_s,
         }
     }
@@ -85,7 +88,7 @@ impl Turning {
 pub struct Point {
     /// The model's unknowns.
     pub at: Vec<f64>,
-    /// Weights of the error of form and of the swing.
+    /// Weights of the discrepancy and of the axis drift.
     pub weights: Vec<f64>,
 }
 
@@ -96,9 +99,9 @@ pub struct Fit {
     pub point: Point,
     /// The noise.
     pub noise: Noise,
-    /// Sizes of error of form and swing under which the point was found.
+    /// Sizes of discrepancy and axis drift under which the point was found.
     pub sizes: Sizes,
-    /// Bumps of error of form and swing.
+    /// Basis functions of discrepancy and axis drift.
     pub basis: Basis,
     /// Factor on the variance of each row's white noise: above one at a spike.
     pub inflation: Vec<f64>,
@@ -143,10 +146,10 @@ pub(crate) struct Tangent {
 /// A model near a point with what the weights change, row by row.
 struct Local {
     tangent: Arc<Tangent>,
-    /// What a change of the error of form's exponent changes at every row.
-    per_form: Vec<f64>,
-    /// The values of the bumps of the error of form that may have weights, row after row.
-    bumps: Vec<f64>,
+    /// What a change of the discrepancy's exponent changes at every row.
+    per_discrepancy: Vec<f64>,
+    /// The values of the basis functions of the discrepancy that may have weights, row after row.
+    basis_functions: Vec<f64>,
     misfit: Vec<f64>,
 }
 
@@ -156,7 +159,7 @@ struct Places<'p> {
     weights: &'p [usize],
 }
 
-/// Bumps with their sizes: which may have weights, and precisions of unknowns and these weights.
+/// Basis functions with their sizes: which may have weights, and precisions of unknowns and these weights.
 struct Shape<'b> {
     basis: &'b Basis,
     sizes: Sizes,
@@ -165,51 +168,57 @@ struct Shape<'b> {
 }
 
 impl Shape<'_> {
-    fn growth(&self, bumps: &[f64], point: &Point, fluctuation: &Fluctuation) -> Vec<Growth> {
-        growth_of(bumps, &self.active, point, fluctuation)
+    fn growth(
+        &self,
+        basis_functions: &[f64],
+        point: &Point,
+        fluctuation: &Fluctuation,
+    ) -> Vec<Growth> {
+        growth_of(basis_functions, &self.active, point, fluctuation)
     }
 }
 
-/// What the error of form and the fluctuation make of the plume at every row.
+/// What the discrepancy and the fluctuation make of the plume at every row.
 fn growth_of(
-    bumps: &[f64],
+    basis_functions: &[f64],
     active: &Active,
     point: &Point,
     fluctuation: &Fluctuation,
 ) -> Vec<Growth> {
-    let n = active.of_form();
+    let n = active.of_discrepancy();
     if n == 0 {
         let factors = fluctuation.factors().iter();
         return factors.map(|f| Growth::NONE.times(*f)).collect();
     }
     let weights: Vec<f64> = active.weights().take(n).map(|k| point.weights[k]).collect();
-    bumps
+    basis_functions
         .chunks_exact(n)
         .zip(fluctuation.factors())
         .map(|(b, f)| Basis::growth(b, &weights).times(*f))
         .collect()
 }
 
-/// The plume of a prediction with what error of form and fluctuation make of it.
+/// The plume of a prediction with what discrepancy and fluctuation make of it.
 fn grown(there: &Prediction, growth: &[Growth]) -> Vec<f64> {
     let plume = there.plume.iter().zip(growth);
     plume.map(|(p, g)| p * g.factor).collect()
 }
 
-/// What is steady of a swing: its mean and its slope.
+/// What is steady of an axis drift: its mean and its slope.
 const STEADY: usize = 2;
 
-/// Means of bumps over rows, and the standard deviations over rows of the straight lines through them.
-fn steady(time_s: &[f64], bumps: &[f64], count: usize) -> [Vec<f64>; STEADY] {
+/// Means of basis functions over rows, and the standard deviations over rows of the straight lines through them.
+fn steady(time_s: &[f64], basis_functions: &[f64], count: usize) -> [Vec<f64>; STEADY] {
     let rows = time_s.len().max(1) as f64;
     let middle_s = time_s.iter().sum::<f64>() / rows;
     let square: f64 = time_s.iter().map(|t| (t - middle_s).powi(2)).sum();
     let spread_s = (square / rows).sqrt().max(f64::MIN_POSITIVE);
     let (mut mean, mut slope) = (vec![0.0; count], vec![0.0; count]);
-    for (bumps, time_s) in bumps.chunks_exact(count.max(1)).zip(time_s) {
-        for ((mean, slope), bump) in mean.iter_mut().zip(&mut slope).zip(bumps) {
-            *mean += bump / rows;
-            *slope += bump * (time_s - middle_s) / spread_s / rows;
+    for (basis_functions, time_s) in basis_functions.chunks_exact(count.max(1)).zip(time_s) {
+        for ((mean, slope), basis_function) in mean.iter_mut().zip(&mut slope).zip(basis_functions)
+        {
+            *mean += basis_function / rows;
+            *slope += basis_function * (time_s - middle_s) / spread_s / rows;
         }
     }
     [mean, slope]
@@ -238,7 +247,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         asked: &'a [PlumePlace],
     ) -> Self {
         Self {
-            turning: Turning::new(model, rows, policy).into(),
+            turning: AxisDrift::new(model, rows, policy).into(),
             model,
             rows,
             policy,
@@ -292,7 +301,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
             .sum::<f64>()
     }
 
-    /// Bumps over the readings in the plume of a point and over what is asked.
+    /// Basis functions over the readings in the plume of a point and over what is asked.
     pub(crate) fn basis(&self, point: &Point) -> Result<Basis, InferError> {
         let there = self.model.predict(&point.at, &self.turns(point))?;
         let places = self.model.places(&point.at)?;
@@ -310,19 +319,29 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         ))
     }
 
-    /// Turn of the axis at every row, degrees: the swing's weights are always the last.
+    /// Turn of the axis at every row, degrees: the axis drift's weights are always the last.
     pub(crate) fn turns(&self, point: &Point) -> Vec<f64> {
-        let n = self.turning.swing.len();
+        let n = self.turning.axis_drift.len();
         let weights = &point.weights[point.weights.len().saturating_sub(n)..];
         if weights.iter().all(|w| *w == 0.0) {
             return vec![0.0; self.rows.len()];
         }
-        let turn = |bumps: &[f64]| bumps.iter().zip(weights).map(|(b, w)| b * w).sum();
-        self.turning.bumps.chunks_exact(n).map(turn).collect()
+        let turn = |basis_functions: &[f64]| {
+            basis_functions
+                .iter()
+                .zip(weights)
+                .map(|(b, w)| b * w)
+                .sum()
+        };
+        self.turning
+            .basis_functions
+            .chunks_exact(n)
+            .map(turn)
+            .collect()
     }
 
-    /// A fit to other rows with the bumps of a swing over these, whose turns are as near as may be.
-    pub(crate) fn with_own_swing(&self, fit: &Fit) -> Fit {
+    /// A fit to other rows with the basis functions of an axis drift over these, whose turns are as near as may be.
+    pub(crate) fn with_own_axis_drift(&self, fit: &Fit) -> Fit {
         let mut turns = vec![0.0; self.rows.len()];
         for (row, turn) in turns.iter_mut().enumerate() {
             let under_way_s = self.model.under_way_s(row);
@@ -332,28 +351,31 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         }
         let mut out = fit.clone();
         out.tangent = None;
-        out.basis = fit.basis.with_swing_of(&self.turning.swing);
-        out.point.weights.truncate(fit.basis.of_form());
+        out.basis = fit.basis.with_axis_drift_of(&self.turning.axis_drift);
+        out.point.weights.truncate(fit.basis.of_discrepancy());
         out.point.weights.extend(self.smoothed(&turns));
         out
     }
 
-    /// The mean turn of the swing and its slope over their standard deviations: a swing turns to both
+    /// The mean turn of the axis drift and its slope over their standard deviations: an axis drift turns to both
     /// sides and back, a steady turn is a wind from elsewhere, and one that grows a wind that veers.
     fn steady_turns(&self, basis: &Basis, weights: &[f64]) -> [f64; STEADY] {
-        let swing = &weights[basis.of_form()..];
-        let sd_deg = self.swing_steady_deg();
+        let axis_drift = &weights[basis.of_discrepancy()..];
+        let sd_deg = self.axis_drift_steady_deg();
         [0, 1].map(|s| {
-            let turns = self.turning.steady[s].iter().zip(swing).map(|(m, w)| m * w);
+            let turns = self.turning.steady[s]
+                .iter()
+                .zip(axis_drift)
+                .map(|(m, w)| m * w);
             turns.sum::<f64>() / sd_deg[s]
         })
     }
 
     /// What a weight adds to them.
     fn steady_turns_by(&self, basis: &Basis, weight: usize) -> [f64; STEADY] {
-        let swing = weight.checked_sub(basis.of_form());
-        let of = |steady: &Vec<f64>| swing.map_or(0.0, |k| steady[k]);
-        let sd_deg = self.swing_steady_deg();
+        let axis_drift = weight.checked_sub(basis.of_discrepancy());
+        let of = |steady: &Vec<f64>| axis_drift.map_or(0.0, |k| steady[k]);
+        let sd_deg = self.axis_drift_steady_deg();
         [0, 1].map(|s| of(&self.turning.steady[s]) / sd_deg[s])
     }
 
@@ -379,8 +401,11 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         rows
     }
 
-    fn swing_steady_deg(&self) -> [f64; STEADY] {
-        [self.policy.swing_mean_deg, self.policy.swing_slope_deg]
+    fn axis_drift_steady_deg(&self) -> [f64; STEADY] {
+        [
+            self.policy.axis_drift_mean_deg,
+            self.policy.axis_drift_slope_deg,
+        ]
     }
 
     /// The most probable point from `start` under `noise` and `sizes`.
@@ -499,7 +524,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
             (point, metric) = self.settle_log_normal(point, shape, &noise, &metric.inflation)?;
             here = self.linearised(&point, shape, &metric)?;
             let calm = Fluctuation::none(self.rows.len());
-            let mean = shape.growth(&here.local.bumps, &point, &calm);
+            let mean = shape.growth(&here.local.basis_functions, &point, &calm);
             misfit = self.misfit(&here.local.tangent.here, &mean);
         }
         Ok(Fit {
@@ -603,8 +628,9 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         for _ in 0..self.policy.most_steps {
             let here = self.linearised(&point, shape, &metric)?;
             let next = self.step(&point, shape, &here, |next| {
-                let followed = self.following(&metric, next, shape, &here.local.bumps)?;
-                let misfit = self.misfit_under(&followed, next, shape, &here.local.bumps)?;
+                let followed = self.following(&metric, next, shape, &here.local.basis_functions)?;
+                let misfit =
+                    self.misfit_under(&followed, next, shape, &here.local.basis_functions)?;
                 Some((self.cost(misfit, &followed, next, shape)?, followed))
             });
             let Some((next, cost, followed)) = next else {
@@ -624,10 +650,10 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         metric: &Metric,
         next: &Point,
         shape: &Shape<'_>,
-        bumps: &[f64],
+        basis_functions: &[f64],
     ) -> Option<Metric> {
         let there = self.model.predict(&next.at, &self.turns(next)).ok()?;
-        let mean = shape.growth(bumps, next, &Fluctuation::none(self.rows.len()));
+        let mean = shape.growth(basis_functions, next, &Fluctuation::none(self.rows.len()));
         let plume = grown(&there, &mean);
         let (before, plume_before) = &metric.calm;
         let moved = before.plume.iter().zip(plume_before).zip(&plume);
@@ -655,7 +681,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
     ) -> Result<(Point, Linearised, usize), InferError> {
         for k in 0..most_steps {
             let next = self.step(&point, shape, &here, |next| {
-                let misfit = self.misfit_under(metric, next, shape, &here.local.bumps)?;
+                let misfit = self.misfit_under(metric, next, shape, &here.local.basis_functions)?;
                 Some((self.cost(misfit, metric, next, shape)?, ()))
             });
             let Some((next, _, ())) = next else {
@@ -765,10 +791,10 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         metric: &Metric,
         next: &Point,
         shape: &Shape<'_>,
-        bumps: &[f64],
+        basis_functions: &[f64],
     ) -> Option<Vec<f64>> {
         let there = self.model.predict(&next.at, &self.turns(next)).ok()?;
-        let growth = shape.growth(bumps, next, &metric.fluctuation);
+        let growth = shape.growth(basis_functions, next, &metric.fluctuation);
         Some(self.linear_misfit(&there, &growth, &metric.fluctuation))
     }
 
@@ -794,12 +820,12 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         whitener.whiten(self.rows, column, 1);
     }
 
-    /// What error of form and fluctuation make of the plume at every row of a fit.
+    /// What discrepancy and fluctuation make of the plume at every row of a fit.
     pub(crate) fn factors(&self, fit: &Fit) -> Result<Vec<f64>, InferError> {
         let active = fit.basis.weighted(&fit.point.weights);
         let here = self.expected_of(fit)?;
-        let bumps = self.bumps(&fit.point, &fit.basis, &active, &here.plume)?;
-        let growth = growth_of(&bumps, &active, &fit.point, &fit.fluctuation);
+        let basis_functions = self.basis_functions(&fit.point, &fit.basis, &active, &here.plume)?;
+        let growth = growth_of(&basis_functions, &active, &fit.point, &fit.fluctuation);
         Ok(growth.iter().map(|g| g.factor).collect())
     }
 
@@ -842,8 +868,13 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         let calm = self.loadings(point, basis, noise)?;
         let there = self.model.predict(&point.at, &self.turns(point))?;
         let active = basis.weighted(&point.weights);
-        let bumps = self.bumps(point, basis, &active, &there.plume)?;
-        let mean = growth_of(&bumps, &active, point, &Fluctuation::none(self.rows.len()));
+        let basis_functions = self.basis_functions(point, basis, &active, &there.plume)?;
+        let mean = growth_of(
+            &basis_functions,
+            &active,
+            point,
+            &Fluctuation::none(self.rows.len()),
+        );
         let misfit = self.misfit(&there, &mean);
         let known = (noise, inflation);
         Ok(self.fluctuating(calm, grown(&there, &mean), &misfit, known, before))
@@ -883,7 +914,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
     }
 
     /// What fluctuation and wander are in proportion to at every row: root mean squares over the
-    /// wander of the axis, as a plume that swings is met where its mean is not.
+    /// wander of the axis, as a plume that drifts is met where its mean is not.
     pub(crate) fn loadings(
         &self,
         point: &Point,
@@ -907,8 +938,8 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         let (left, right) = (turned(-DIFFERENCE_DEG)?, turned(DIFFERENCE_DEG)?);
         let mut plume: Vec<f64> = plume_sq.into_iter().map(f64::sqrt).collect();
         let active = basis.weighted(&point.weights);
-        let bumps = self.bumps(point, basis, &active, &plume)?;
-        let growth = growth_of(&bumps, &active, point, &Fluctuation::none(rows));
+        let basis_functions = self.basis_functions(point, basis, &active, &plume)?;
+        let growth = growth_of(&basis_functions, &active, point, &Fluctuation::none(rows));
         let mut per_degree = Vec::with_capacity(rows);
         for i in 0..rows {
             let grown = (right.plume[i] - left.plume[i]) * (growth[i].factor - 1.0);
@@ -945,11 +976,11 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
             unknowns: 0,
             weights: &weights,
         };
-        let of_form = shape.active.of_form();
+        let of_discrepancy = shape.active.of_discrepancy();
         let per_degree = &metric.loadings.per_degree;
         let whole = [self.rows.whole()];
         let by_block = self.products_of(&metric.whitener, columns, &whole, |i, row| {
-            self.fill_row(&local, of_form, per_degree, &places, i, row);
+            self.fill_row(&local, of_discrepancy, per_degree, &places, i, row);
         });
         let places = shape.active.weights().zip(unknowns..);
         let steady = self.steady_rows(shape.basis, &point.weights, columns, places);
@@ -1030,8 +1061,8 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         tangent: Option<&Arc<Tangent>>,
     ) -> Result<Local, InferError> {
         let here = self.expected(point, tangent)?;
-        let bumps = self.bumps(point, basis, active, &here.plume)?;
-        let growth = growth_of(&bumps, active, point, fluctuation);
+        let basis_functions = self.basis_functions(point, basis, active, &here.plume)?;
+        let growth = growth_of(&basis_functions, active, point, fluctuation);
         let tangent = match tangent {
             Some(tangent) => Arc::clone(tangent),
             None => {
@@ -1046,18 +1077,18 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         let grown = tangent.here.plume.iter().zip(&growth);
         Ok(Local {
             misfit: self.linear_misfit(&tangent.here, &growth, fluctuation),
-            per_form: grown.map(|(p, g)| p * g.slope).collect(),
+            per_discrepancy: grown.map(|(p, g)| p * g.slope).collect(),
             tangent,
-            bumps,
+            basis_functions,
         })
     }
 
     /// What unknowns and weights change at row `i`, and the misfit as the last; the first `of_form` of the
-    /// weights are of the error of form, the others of the swing.
+    /// weights are of the discrepancy, the others of the axis drift.
     fn fill_row(
         &self,
         local: &Local,
-        of_form: usize,
+        of_discrepancy: usize,
         per_degree: &[f64],
         places: &Places<'_>,
         i: usize,
@@ -1066,29 +1097,29 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         for (k, slope) in local.tangent.slopes.iter().enumerate() {
             row[places.unknowns + k] = slope[i];
         }
-        let (form, swing) = places.weights.split_at(of_form);
-        let bumps = &local.bumps[i * of_form..(i + 1) * of_form];
-        for (place, bump) in form.iter().zip(bumps) {
-            row[*place] = local.per_form[i] * bump;
+        let (form, axis_drift) = places.weights.split_at(of_discrepancy);
+        let basis_functions = &local.basis_functions[i * of_discrepancy..(i + 1) * of_discrepancy];
+        for (place, basis_function) in form.iter().zip(basis_functions) {
+            row[*place] = local.per_discrepancy[i] * basis_function;
         }
-        let count = self.turning.swing.len();
-        let bumps = &self.turning.bumps[i * count..(i + 1) * count];
-        for (place, bump) in swing.iter().zip(bumps) {
-            row[*place] = per_degree[i] * bump;
+        let count = self.turning.axis_drift.len();
+        let basis_functions = &self.turning.basis_functions[i * count..(i + 1) * count];
+        for (place, basis_function) in axis_drift.iter().zip(basis_functions) {
+            row[*place] = per_degree[i] * basis_function;
         }
         row[row.len() - 1] = local.misfit[i];
     }
 
-    /// The values of active bumps of the error of form at every row; none where there is no plume to speak
+    /// The values of active basis functions of the discrepancy at every row; none where there is no plume to speak
     /// of.
-    fn bumps(
+    fn basis_functions(
         &self,
         point: &Point,
         basis: &Basis,
         active: &Active,
         plume: &[f64],
     ) -> Result<Vec<f64>, InferError> {
-        let n = active.of_form();
+        let n = active.of_discrepancy();
         if n == 0 {
             return Ok(Vec::new());
         }
@@ -1097,13 +1128,13 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         let places = self.model.places(&point.at)?;
         for ((row, place), plume) in out.chunks_exact_mut(n).zip(&places).zip(plume) {
             if plume.abs() > NO_PLUME * most {
-                basis.fill_form(active, place, row);
+                basis.fill_discrepancy(active, place, row);
             }
         }
         Ok(out)
     }
 
-    /// Products of all columns at a fit, those of `tried` (what a name would change at each row) among
+    /// Products of all columns at a fit, those of `tried` (what a mechanism would change at each row) among
     /// them, for each of `blocks` of rows.
     pub(crate) fn products(
         &self,
@@ -1121,18 +1152,18 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
             unknowns: layout.unknowns,
             weights: &layout.weights,
         };
-        let of_form = all.of_form();
+        let of_discrepancy = all.of_discrepancy();
         let per_degree = &fit.loadings.per_degree;
         let mut products = self.products_of(&whitener, layout.columns, blocks, |i, row| {
             for (column, value) in row[layout.tried..].iter_mut().zip(tried) {
                 *column = value[i];
             }
-            self.fill_row(&local, of_form, per_degree, &places, i, row);
+            self.fill_row(&local, of_discrepancy, per_degree, &places, i, row);
         });
         let places = layout.weights.iter().copied().enumerate();
         let steady = self.steady_rows(&fit.basis, &fit.point.weights, layout.columns, places);
         let turned = Products::of(&steady, layout.columns, 0.0);
-        // What is known of the swing belongs to no pass: each has its part.
+        // What is known of the axis drift belongs to no pass: each has its part.
         let part = 1.0 / products.len().max(1) as f64;
         products.iter_mut().for_each(|p| p.add(&turned, part));
         let mut offset = vec![0.0; layout.columns];
@@ -1222,9 +1253,9 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
     }
 }
 
-/// Sizes of nothing but a swing of so many degrees.
-pub(crate) fn swing_alone(deg: f64) -> Sizes {
-    let mut sizes = [0.0; crate::form::COORDINATES];
-    sizes[SWING] = deg;
+/// Sizes of nothing but an axis drift of so many degrees.
+pub(crate) fn axis_drift_alone(deg: f64) -> Sizes {
+    let mut sizes = [0.0; crate::discrepancy::COORDINATES];
+    sizes[AXIS_DRIFT] = deg;
     sizes
 }

@@ -1,12 +1,12 @@
-//! What stands of the sets that were found: names have to be probable and to predict passes that they have not seen,
-//! and must leave no error of form that explains more.
+//! What stands of the sets that were found: mechanisms have to be probable and to predict passes that they have not seen,
+//! and must leave no discrepancy that explains more.
 
 use crate::InferError;
 use crate::background::Along;
-use crate::drawn::{Drawn, Passes, RIVAL_NATS};
-use crate::form::SWING;
-use crate::left_out::Expected;
-use crate::names::{Catalogue, Found, Question, base_of, without};
+use crate::bootstrap::{Bootstrap, Passes, RIVAL_NATS};
+use crate::discrepancy::AXIS_DRIFT;
+use crate::hold_out::Expected;
+use crate::mechanism_search::{Catalogue, FittedSet, Question, base_of, without};
 use crate::parallel_map::parallel_map;
 use crate::policy::Policy;
 use crate::posterior::Posterior;
@@ -14,13 +14,13 @@ use crate::probability::Features;
 use std::collections::BTreeSet;
 use std::ops::Range;
 
-/// A name makes left-out passes significantly worse where that many of the draws say so: one side of
+/// A mechanism makes held-out passes significantly worse where that many of the draws say so: one side of
 /// 95 %.
 const WORSE: f64 = 0.975;
-/// Left-out passes are to be expected better with a name than without by some measure in this part of the draws: evidence alone,
-/// which also tells how errors hang together, names nothing.
+/// Held-out passes are to be expected better with a mechanism than without by some measure in this part of the draws: evidence alone,
+/// which also tells how errors hang together, identifies nothing.
 const NO_BETTER: f64 = 0.5;
-/// No cause is named by which passes left out do not gain: it would extend a scenario that it does not help.
+/// No cause is named by which held-out passes do not gain: it would extend a scenario that it does not help.
 const MOST_WITHOUT_GAIN: f64 = 0.94;
 /// Fluctuation from which its law matters: a log-normal factor of this size has a skewness of one, a normal one none.
 const STRONG_FLUCTUATION: f64 = 0.3;
@@ -33,7 +33,7 @@ const LEAST_SHARE: f64 = 0.02;
 #[derive(Debug, Clone)]
 pub struct Cause<T> {
     /// The likeliest first, with their probabilities; the first is the one in the set that stands.
-    pub names: Vec<(T, f64)>,
+    pub mechanisms: Vec<(T, f64)>,
     /// Probability that one of them is at work.
     pub probability: f64,
     /// The same by evidence alone.
@@ -44,24 +44,28 @@ pub struct Cause<T> {
     pub gain: f64,
     /// Nats to the likeliest that is not among them.
     pub nats_to_next: f64,
-    /// Gain on passes left out, nats, and its lower bound, which four in five exceed.
-    pub left_out: (f64, f64),
+    /// Gain on held-out passes, nats, and its lower bound, which four in five exceed.
+    pub hold_out: (f64, f64),
     /// Part of the draws in which root mean square error, normalised mean square error and mean absolute error on passes
-    /// left out are worse with it than without; zero where it does not stand anyway.
+    /// held out are worse with it than without; zero where it does not stand anyway.
     pub worse: [f64; 3],
 }
 
 impl<T> Cause<T> {
-    /// The same with other names.
+    /// The same with other mechanisms.
     pub fn named_by<U>(&self, label: impl Fn(&T) -> U) -> Cause<U> {
         Cause {
-            names: self.names.iter().map(|(n, p)| (label(n), *p)).collect(),
+            mechanisms: self
+                .mechanisms
+                .iter()
+                .map(|(n, p)| (label(n), *p))
+                .collect(),
             probability: self.probability,
             by_evidence: self.by_evidence,
             features: self.features,
             gain: self.gain,
             nats_to_next: self.nats_to_next,
-            left_out: self.left_out,
+            hold_out: self.hold_out,
             worse: self.worse,
         }
     }
@@ -80,17 +84,17 @@ pub enum RestKind {
     /// A steady axis.
     AxisMotion,
     /// The form of the mean plume.
-    Form,
+    Discrepancy,
     /// A background that is the same all the time and at all heights.
     Background(Along),
     /// Nothing: a mechanism explains much, but fails a check.
     None,
 }
 
-/// How readings deviate from a set of names and ordinary air.
+/// How readings deviate from a set of mechanisms and ordinary air.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rest {
-    /// Log evidence of error of form, swing and noise beyond what is ordinary, nats.
+    /// Log evidence of discrepancy, axis drift and noise beyond what is ordinary, nats.
     pub nats: f64,
     /// Which of them has most of it.
     pub kind: RestKind,
@@ -99,22 +103,22 @@ pub struct Rest {
 /// What stands.
 #[derive(Debug, Clone)]
 pub struct Judgement<M: Catalogue> {
-    /// The set that stands; the base where it has no names.
-    pub set: Found<M>,
-    /// Its names, each with what the readings do not tell from it.
-    pub causes: Vec<Cause<M::Tried>>,
-    /// Names of the likeliest sets that do not stand, the strongest first.
-    pub dropped: Vec<Cause<M::Tried>>,
+    /// The set that stands; the base where it has no mechanisms.
+    pub set: FittedSet<M>,
+    /// Its mechanisms, each with what the readings do not tell from it.
+    pub causes: Vec<Cause<M::Hypothesis>>,
+    /// Mechanisms of the likeliest sets that do not stand, the strongest first.
+    pub dropped: Vec<Cause<M::Hypothesis>>,
     /// Whether so much speaks for one of these that the set does not explain the readings.
     pub is_doubted: bool,
     /// What the set leaves unexplained.
     pub rest: Rest,
     /// What explains most where there is a rest, with probabilities over passes drawn anew.
-    pub candidates: Vec<(Found<M>, f64)>,
+    pub candidates: Vec<(FittedSet<M>, f64)>,
     /// The passes by which it was judged.
     pub passes: Vec<Vec<Range<usize>>>,
     /// The causes of every set that was judged, in the order of judging.
-    pub considered: Vec<Vec<Cause<M::Tried>>>,
+    pub considered: Vec<Vec<Cause<M::Hypothesis>>>,
 }
 
 impl Question<'_> {
@@ -124,7 +128,7 @@ impl Question<'_> {
     /// Values that the model refuses.
     pub fn passes<M: Catalogue>(
         &self,
-        of: &Found<M>,
+        of: &FittedSet<M>,
     ) -> Result<Vec<Vec<Range<usize>>>, InferError> {
         self.beside(of, &of.model).passes(of.fit())
     }
@@ -136,14 +140,14 @@ impl Question<'_> {
     /// Values that the model refuses.
     pub fn judge<M: Catalogue>(
         &self,
-        found: &[Found<M>],
-        tried: &[M::Tried],
+        found: &[FittedSet<M>],
+        tried: &[M::Hypothesis],
         seed: u64,
     ) -> Result<Judgement<M>, InferError> {
         let passes = Passes::drawn(self.passes(&found[0])?, seed);
         let standing = self.standing(found, &passes)?;
         let (set, dropped) = (found[standing.set].clone(), standing.dropped);
-        let speaks_for = |c: &Cause<M::Tried>| {
+        let speaks_for = |c: &Cause<M::Hypothesis>| {
             c.gain > self.policy.rest_alone_nats && c.probability > self.policy.doubted
         };
         let is_doubted = dropped.iter().any(speaks_for);
@@ -166,14 +170,14 @@ impl Question<'_> {
         })
     }
 
-    /// Judges the likeliest sets until the base: from each the weakest name that does not stand is taken until all
-    /// of them do. Of what is left of each the set with the most names is the answer, the likeliest of these.
+    /// Judges the likeliest sets until the base: from each the weakest mechanism that does not stand is taken until all
+    /// of them do. Of what is left of each the set with the most mechanisms is the answer, the likeliest of these.
     fn standing<M: Catalogue>(
         &self,
-        found: &[Found<M>],
+        found: &[FittedSet<M>],
         passes: &Passes,
     ) -> Result<Standing<M>, InferError> {
-        let mut drawn = Drawn::new(self, found, passes, Drawn::near(found))?;
+        let mut drawn = Bootstrap::new(self, found, passes, Bootstrap::near(found))?;
         let mut judged = BTreeSet::new();
         let mut out = Standing {
             set: base_of(found),
@@ -182,11 +186,11 @@ impl Question<'_> {
             considered: Vec::new(),
         };
         for mut set in drawn.likeliest(SETS_JUDGED, LEAST_SHARE) {
-            if found[set].names.is_empty() {
+            if found[set].mechanisms.is_empty() {
                 break;
             }
             // What was judged before has been taken apart before.
-            while !found[set].names.is_empty() && judged.insert(set) {
+            while !found[set].mechanisms.is_empty() && judged.insert(set) {
                 let causes = self.causes(&mut drawn, set)?;
                 out.considered.push(causes.clone());
                 let failed = (0..causes.len()).filter(|&k| !self.stands(&causes[k]));
@@ -209,15 +213,15 @@ impl Question<'_> {
         Ok(out)
     }
 
-    /// The largest deviation beside the names of a set: of the plume, or of a background that varies.
+    /// The largest deviation beside the mechanisms of a set: of the plume, or of a background that varies.
     fn rest<M: Catalogue>(
         &self,
-        set: &Found<M>,
+        set: &FittedSet<M>,
         passes: &[Vec<Range<usize>>],
     ) -> Result<Rest, InferError> {
         let rest = self.rest_of_plume(set, passes)?;
         let (nats, along) = self.background_gain(set)?;
-        // Passes left out, at other times, cannot gain by it.
+        // Held-out passes, at other times, cannot gain by it.
         if nats > self.policy.rest_alone_nats.max(rest.nats) {
             let kind = RestKind::Background(along);
             return Ok(Rest { nats, kind });
@@ -225,11 +229,11 @@ impl Question<'_> {
         Ok(rest)
     }
 
-    /// Log evidence of the error of form, of more swing and of more noise than is tolerated beside the
-    /// names of a set; none where it is not much and passes left out do not gain by it.
+    /// Log evidence of the discrepancy, of more axis drift and of more noise than is tolerated beside the
+    /// mechanisms of a set; none where it is not much and held-out passes do not gain by it.
     fn rest_of_plume<M: Catalogue>(
         &self,
-        set: &Found<M>,
+        set: &FittedSet<M>,
         passes: &[Vec<Range<usize>>],
     ) -> Result<Rest, InferError> {
         let plain = self.plain(set)?;
@@ -244,7 +248,7 @@ impl Question<'_> {
                 ..none
             });
         }
-        // Strong fluctuation is log-normal: puffs of several times the mean are no error of form.
+        // Strong fluctuation is log-normal: puffs of several times the mean are no discrepancy.
         let fluctuating = self.log_normal(&plain)?;
         let nats = nats.min(set.ln_score() - fluctuating.ln_score());
         if nats <= self.policy.rest_nats {
@@ -260,17 +264,17 @@ impl Question<'_> {
     }
 
     /// Which freedom alone brings back most of what a set has beyond ordinary air.
-    fn rest_kind<M: Catalogue>(&self, set: &Found<M>) -> Result<RestKind, InferError> {
+    fn rest_kind<M: Catalogue>(&self, set: &FittedSet<M>) -> Result<RestKind, InferError> {
         let found = set.likeliest_sizes();
         let ordinary = self.policy.tolerated_sizes(&found);
         let mut swinging = ordinary;
-        swinging[SWING] = found[SWING];
+        swinging[AXIS_DRIFT] = found[AXIS_DRIFT];
         let mut formed = found;
-        formed[SWING] = ordinary[SWING];
+        formed[AXIS_DRIFT] = ordinary[AXIS_DRIFT];
         let freedoms = [
             (RestKind::Noise, ordinary, true),
             (RestKind::AxisMotion, swinging, false),
-            (RestKind::Form, formed, false),
+            (RestKind::Discrepancy, formed, false),
         ];
         let fitted = parallel_map(&freedoms, |(kind, sizes, is_noisy)| {
             let restricted = self.restricted(set, sizes, *is_noisy)?;
@@ -281,42 +285,42 @@ impl Question<'_> {
         Ok(best.map_or(RestKind::None, |b| b.1))
     }
 
-    /// Whether passes left out gain by what a set has beyond another.
+    /// Whether held-out passes gain by what a set has beyond another.
     fn passes_gain<M: Catalogue>(
         &self,
-        set: &Found<M>,
-        plain: &Found<M>,
+        set: &FittedSet<M>,
+        plain: &FittedSet<M>,
         passes: &[Vec<Range<usize>>],
     ) -> Result<bool, InferError> {
         let (with, without) = (self.by_pass(set, passes)?, self.by_pass(plain, passes)?);
-        let with = with.left_out();
+        let with = with.hold_out();
         let gains: Vec<f64> = with
             .iter()
-            .zip(without.left_out())
+            .zip(without.hold_out())
             .map(|(a, b)| a - b)
             .collect();
         Ok(sum_and_low(&gains).1 > 0.0)
     }
 
-    /// Whether a name stands.
+    /// Whether a mechanism stands.
     fn stands<T>(&self, cause: &Cause<T>) -> bool {
         cause.probability >= self.policy.stated
-            && cause.names.len() <= self.policy.most_candidates
+            && cause.mechanisms.len() <= self.policy.most_candidates
             && cause.worse.iter().all(|w| *w < WORSE)
             && cause.worse.iter().any(|w| *w <= NO_BETTER)
     }
 
-    /// The names of a set, each with what it is worth.
+    /// The mechanisms of a set, each with what it is worth.
     fn causes<M: Catalogue>(
         &self,
-        drawn: &mut Drawn<'_, M>,
+        drawn: &mut Bootstrap<'_, M>,
         set: usize,
-    ) -> Result<Vec<Cause<M::Tried>>, InferError> {
+    ) -> Result<Vec<Cause<M::Hypothesis>>, InferError> {
         let of = &drawn.found[set];
-        if of.names.is_empty() {
+        if of.mechanisms.is_empty() {
             return Ok(Vec::new());
         }
-        let bare = (0..of.names.len()).map(|k| without(drawn.found, of, k));
+        let bare = (0..of.mechanisms.len()).map(|k| without(drawn.found, of, k));
         drawn.weigh(self, bare.chain([set]).collect())?;
         let departures = departures(of, &self.posterior(of)?);
         let cause = |(k, departure)| self.cause(drawn, (set, k), departure);
@@ -325,19 +329,19 @@ impl Question<'_> {
 
     fn cause<M: Catalogue>(
         &self,
-        drawn: &Drawn<'_, M>,
+        drawn: &Bootstrap<'_, M>,
         (set, k): (usize, usize),
         Departure {
             departs_sd,
             widening,
         }: Departure,
-    ) -> Result<Cause<M::Tried>, InferError> {
+    ) -> Result<Cause<M::Hypothesis>, InferError> {
         let found = drawn.found;
         let (index, own) = (set, &found[set]);
         let bare = without(found, own, k);
         let without = &found[bare];
         let top = own.ln_score();
-        let ln = |f: &Found<M>| f.ln_score() - top;
+        let ln = |f: &FittedSet<M>| f.ln_score() - top;
         // Readings that scatter together tell less than as many independent ones (Ribatet and others 2012).
         let gain = top - without.ln_score() - (own.ln_prior - without.ln_prior);
         let scattered = gain.max(0.0) * (1.0 - widening.powi(-2));
@@ -352,12 +356,12 @@ impl Question<'_> {
         let share = drawn.shares(&near.iter().map(|r| r.1).collect::<Vec<_>>());
         let mut order: Vec<usize> = (1..near.len()).collect();
         order.sort_by(|a, b| share[*b].total_cmp(&share[*a]));
-        let mut names = vec![(near[0].0.clone(), share[0])];
+        let mut mechanisms = vec![(near[0].0.clone(), share[0])];
         let mut held = share[0];
         for r in order {
             if held < self.policy.named {
                 held += share[r];
-                names.push((near[r].0.clone(), share[r]));
+                mechanisms.push((near[r].0.clone(), share[r]));
             } else {
                 beyond.push(near[r]);
             }
@@ -368,7 +372,7 @@ impl Question<'_> {
             (Some(with), Some(less)) => (with, less),
             _ => return Err(InferError::NoPosterior),
         };
-        let gains = with.left_out.iter().zip(&less.left_out);
+        let gains = with.hold_out.iter().zip(&less.hold_out);
         let gains: Vec<f64> = gains.map(|(a, b)| a - b).collect();
         let features = Features {
             // A limit does nothing at infinity: its evidence tells how far it departs (Wilks 1938).
@@ -378,25 +382,25 @@ impl Question<'_> {
                 (2.0 * gain.max(0.0)).sqrt()
             },
             widening,
-            others: own.names.len() - 1,
+            others: own.mechanisms.len() - 1,
         };
-        let left_out = sum_and_low(&gains);
-        let most = if left_out.1 > 0.0 {
+        let hold_out = sum_and_low(&gains);
+        let most = if hold_out.1 > 0.0 {
             1.0
         } else {
             MOST_WITHOUT_GAIN
         };
         let calibrated = self.policy.cause_map.probability(&features);
         let probability = calibrated.min(by_evidence).min(most);
-        names.iter_mut().for_each(|n| n.1 *= probability);
+        mechanisms.iter_mut().for_each(|n| n.1 *= probability);
         let mut cause = Cause {
-            names,
+            mechanisms,
             probability,
             by_evidence,
             features,
             gain,
             nats_to_next,
-            left_out,
+            hold_out,
             worse: [0.0; 3],
         };
         if self.stands(&cause) {
@@ -406,18 +410,18 @@ impl Question<'_> {
         Ok(cause)
     }
 
-    /// What of the gain of a set over one without a name log-normal fluctuation has as well, nats: puffs of several times
+    /// What of the gain of a set over one without a mechanism log-normal fluctuation has as well, nats: puffs of several times
     /// the mean look like a cause to a normal law.
     fn due_to_fluctuation<M: Catalogue>(
         &self,
-        set: &Found<M>,
-        without: &Found<M>,
+        set: &FittedSet<M>,
+        without: &FittedSet<M>,
     ) -> Result<f64, InferError> {
-        let is_strong = |f: &Found<M>| f.fit().noise.fluctuation > STRONG_FLUCTUATION;
+        let is_strong = |f: &FittedSet<M>| f.fit().noise.fluctuation > STRONG_FLUCTUATION;
         if set.ln_score() <= without.ln_score() || !(is_strong(set) || is_strong(without)) {
             return Ok(0.0);
         }
-        let by_either = |found: &Found<M>| -> Result<f64, InferError> {
+        let by_either = |found: &FittedSet<M>| -> Result<f64, InferError> {
             let fluctuating = self.log_normal(&self.plain(found)?)?;
             Ok(found.ln_score().max(fluctuating.ln_score()))
         };
@@ -425,7 +429,7 @@ impl Question<'_> {
         Ok((set.ln_score() - without.ln_score() - gain).max(0.0))
     }
 
-    /// Part of the draws in which errors on passes left out are larger after than before.
+    /// Part of the draws in which errors on held-out passes are larger after than before.
     fn worse(&self, before: &Expected, after: &Expected, passes: &Passes) -> [f64; 3] {
         let errors = |expected: &Expected| -> Vec<Errors> {
             let of = |pass: &Vec<Range<usize>>| Errors::of(self.rows, before, expected, pass);
@@ -442,18 +446,18 @@ impl Question<'_> {
         worse.map(|w| w / passes.draws.len() as f64)
     }
 
-    /// What of the sets without error of form explains most, each with the part of the draws in which it is
+    /// What of the sets without discrepancy explains most, each with the part of the draws in which it is
     /// the likeliest; no more than the policy's number, and no more than hold nearly all.
     fn candidates<M: Catalogue>(
         &self,
-        plain: &[Found<M>],
+        plain: &[FittedSet<M>],
         passes: &Passes,
-    ) -> Result<Vec<(Found<M>, f64)>, InferError> {
+    ) -> Result<Vec<(FittedSet<M>, f64)>, InferError> {
         if plain.is_empty() {
             return Ok(Vec::new());
         }
         let all: Vec<usize> = (0..plain.len()).collect();
-        let share = Drawn::new(self, plain, passes, all.clone())?.shares(&all);
+        let share = Bootstrap::new(self, plain, passes, all.clone())?.shares(&all);
         let mut order: Vec<usize> = (0..plain.len()).collect();
         order.sort_by(|a, b| share[*b].total_cmp(&share[*a]));
         let mut out = Vec::new();
@@ -468,28 +472,28 @@ impl Question<'_> {
         Ok(out)
     }
 
-    /// Extensions of a set without error of form by the most promising of `tried`.
+    /// Extensions of a set without discrepancy by the most promising of `tried`.
     ///
     /// # Errors
     /// Values that the model refuses.
     pub fn plain_extensions<M: Catalogue>(
         &self,
-        of: &Found<M>,
-        tried: &[M::Tried],
-    ) -> Result<Vec<Found<M>>, InferError> {
+        of: &FittedSet<M>,
+        tried: &[M::Hypothesis],
+    ) -> Result<Vec<FittedSet<M>>, InferError> {
         let plain = self.plain(of)?;
         let mut screened = self.screen(&plain, tried)?;
         screened.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-        let mut chosen: Vec<(&M::Tried, &[f64])> = Vec::new();
+        let mut chosen: Vec<(&M::Hypothesis, &[f64])> = Vec::new();
         for s in screened.iter().take_while(|s| s.gain >= 0.0) {
-            let name = &tried[s.tried];
-            if !chosen.iter().any(|c| M::same_cause(c.0, name)) && !of.has(name) {
-                chosen.push((name, &s.amplitudes));
+            let mechanism = &tried[s.tried];
+            if !chosen.iter().any(|c| M::same_cause(c.0, mechanism)) && !of.has(mechanism) {
+                chosen.push((mechanism, &s.amplitudes));
             }
         }
         chosen.truncate(self.policy.beam_fits);
-        let fitted = |(name, amplitudes): &(&M::Tried, &[f64])| {
-            self.extended_plainly(&plain, name, amplitudes)
+        let fitted = |(mechanism, amplitudes): &(&M::Hypothesis, &[f64])| {
+            self.extended_plainly(&plain, mechanism, amplitudes)
         };
         parallel_map(&chosen, fitted).into_iter().collect()
     }
@@ -499,28 +503,28 @@ impl Question<'_> {
 struct Standing<M: Catalogue> {
     /// Index of the set that stands.
     set: usize,
-    causes: Vec<Cause<M::Tried>>,
-    dropped: Vec<Cause<M::Tried>>,
-    considered: Vec<Vec<Cause<M::Tried>>>,
+    causes: Vec<Cause<M::Hypothesis>>,
+    dropped: Vec<Cause<M::Hypothesis>>,
+    considered: Vec<Vec<Cause<M::Hypothesis>>>,
 }
 
 impl<M: Catalogue> Standing<M> {
-    /// Leaves of the names that were dropped those that no cause has, each once, the most probable first.
+    /// Leaves of the mechanisms that were dropped those that no cause has, each once, the most probable first.
     fn forget_what_is_stated(&mut self) {
         let causes = &self.causes;
-        let is_stated = |name: &M::Tried| {
-            let mut names = causes.iter().flat_map(|c| &c.names);
-            names.any(|n| M::same_cause(&n.0, name))
+        let is_stated = |mechanism: &M::Hypothesis| {
+            let mut mechanisms = causes.iter().flat_map(|c| &c.mechanisms);
+            mechanisms.any(|n| M::same_cause(&n.0, mechanism))
         };
-        self.dropped.retain(|d| !is_stated(&d.names[0].0));
+        self.dropped.retain(|d| !is_stated(&d.mechanisms[0].0));
         self.dropped
             .sort_by(|a, b| b.probability.total_cmp(&a.probability));
         self.dropped
-            .dedup_by(|a, b| M::same_cause(&a.names[0].0, &b.names[0].0));
+            .dedup_by(|a, b| M::same_cause(&a.mechanisms[0].0, &b.mechanisms[0].0));
     }
 }
 
-/// How far a name departs from doing nothing.
+/// How far a mechanism departs from doing nothing.
 struct Departure {
     /// Standard deviations.
     departs_sd: f64,
@@ -528,17 +532,17 @@ struct Departure {
     widening: f64,
 }
 
-/// Of each name of a set.
-fn departures<M: Catalogue>(set: &Found<M>, posterior: &Posterior) -> Vec<Departure> {
+/// Of each mechanism of a set.
+fn departures<M: Catalogue>(set: &FittedSet<M>, posterior: &Posterior) -> Vec<Departure> {
     let (mean, covariance) = (posterior.mean(), posterior.covariance());
-    let unknowns = |n: &M::Tried| M::start(n).nothing.len();
-    let mut next = mean.len() - set.names.iter().map(unknowns).sum::<usize>();
-    let of = |name: &M::Tried| {
+    let unknowns = |n: &M::Hypothesis| M::start(n).nothing.len();
+    let mut next = mean.len() - set.mechanisms.iter().map(unknowns).sum::<usize>();
+    let of = |mechanism: &M::Hypothesis| {
         let mut departure = Departure {
             departs_sd: 0.0,
             widening: 1.0,
         };
-        let start = M::start(name);
+        let start = M::start(mechanism);
         for (k, nothing) in start.nothing.iter().enumerate() {
             // What alone changes nothing, as the place of a source that emits nothing, is no departure.
             if start.ends.iter().any(|end| end[k] != *nothing) {
@@ -550,31 +554,33 @@ fn departures<M: Catalogue>(set: &Found<M>, posterior: &Posterior) -> Vec<Depart
         }
         departure
     };
-    set.names.iter().map(of).collect()
+    set.mechanisms.iter().map(of).collect()
 }
 
-/// Sets that were found with one name in the place of the `k`-th of a set, its own first: the likeliest of each name.
+/// Sets that were found with one mechanism in the place of the `k`-th of a set, its own first: the likeliest of each mechanism.
 fn rivals<'f, M: Catalogue>(
-    found: &'f [Found<M>],
-    set: &Found<M>,
+    found: &'f [FittedSet<M>],
+    set: &FittedSet<M>,
     k: usize,
-) -> Vec<(&'f M::Tried, usize)> {
-    let other = |n: &M::Tried| {
-        let mut others = set.names.iter().enumerate().filter(|(j, _)| *j != k);
+) -> Vec<(&'f M::Hypothesis, usize)> {
+    let other = |n: &M::Hypothesis| {
+        let mut others = set.mechanisms.iter().enumerate().filter(|(j, _)| *j != k);
         others.any(|(_, o)| M::same_cause(o, n))
     };
-    let mut rivals: Vec<(&M::Tried, usize)> = Vec::new();
+    let mut rivals: Vec<(&M::Hypothesis, usize)> = Vec::new();
     for (index, f) in found.iter().enumerate() {
-        let mut own = f.names.iter().filter(|n| !other(n));
+        let mut own = f.mechanisms.iter().filter(|n| !other(n));
         let (Some(own), None) = (own.next(), own.next()) else {
             continue;
         };
-        if f.names.len() == set.names.len() && rivals.iter().all(|r| !M::same_cause(r.0, own)) {
+        if f.mechanisms.len() == set.mechanisms.len()
+            && rivals.iter().all(|r| !M::same_cause(r.0, own))
+        {
             rivals.push((own, index));
         }
     }
-    // The name of the set itself stands first, whatever else is as likely.
-    rivals.sort_by_key(|r| !M::same_cause(r.0, &set.names[k]));
+    // The mechanism of the set itself stands first, whatever else is as likely.
+    rivals.sort_by_key(|r| !M::same_cause(r.0, &set.mechanisms[k]));
     rivals
 }
 

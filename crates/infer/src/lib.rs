@@ -6,7 +6,7 @@
 //! > y = rest(θ) + plume(θ, turned by v) exp(g) + fluctuation + slow wander + white noise,
 //!
 //! where θ are the model's unknowns, v is the turn of the plume's axis in time, and g is a
-//! smooth error of form along distance, height, width and time. In a model that is right g is
+//! smooth discrepancy along distance, height, width and time. In a model that is right g is
 //! found to be nothing, and nothing changes; in one that is wrong the standard deviations grow,
 //! most where nobody has read (Kennedy and O'Hagan 2001; Brynjarsdóttir and O'Hagan 2014).
 //!
@@ -69,44 +69,44 @@
 //!
 //! Pure: no clock, file, socket, environment or random number.
 
-mod ahead;
 mod background;
+mod bootstrap;
+mod closest_model;
 mod contact;
-mod drawn;
+mod discrepancy;
 mod evidence;
 mod fit;
 mod fluctuation;
-mod form;
+mod hold_out;
 mod judge;
 mod learned_noise;
-mod left_out;
 mod maximise;
-mod names;
-mod nearest;
+mod mechanism_search;
 mod noise;
 mod parallel_map;
 mod passes;
 mod policy;
 mod posterior;
+mod predicted_readings;
 mod probability;
 mod rows;
 mod slopes;
 mod start;
 
-pub use ahead::{Ahead, Believed};
 pub use background::Along;
+pub use closest_model::ClosestModel;
 pub use contact::Contact;
+pub use discrepancy::{AXIS_DRIFT, Basis, COORDINATES, Sizes};
 pub use fit::{Fit, Point, Problem};
-pub use form::{Basis, COORDINATES, SWING, Sizes};
+pub use hold_out::Expected;
 pub use judge::{Cause, Judgement, Rest, RestKind};
 pub use learned_noise::LearnedNoise;
-pub use left_out::Expected;
-pub use names::{Catalogue, Found, Question, Screened, Start, without};
-pub use nearest::Nearest;
+pub use mechanism_search::{Catalogue, FittedSet, Question, Screened, Start, without};
 pub use noise::Noise;
 pub use parallel_map::parallel_map;
 pub use policy::{NAMED, Policy};
 pub use posterior::{Estimate, Posterior};
+pub use predicted_readings::{NormalPosterior, PredictedReadings};
 pub use probability::{CauseMap, Features};
 pub use rows::{ForwardModel, PlumePlace, Prediction, Prior, Rows};
 

@@ -1,5 +1,5 @@
 //! Passes: stretches of time that each hold about as much of the plume as the others, cut where it is
-//! quiet. They are left out in turn, drawn with repetition, and met by the plume each for itself.
+//! quiet. They are held out in turn, drawn with repetition, and met by the plume each for itself.
 
 use crate::rows::Rows;
 use std::ops::Range;

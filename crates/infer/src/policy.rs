@@ -10,41 +10,41 @@ pub const NAMED: f64 = 0.95;
 /// sensor's noise and the plume, so that an answer is the same in ppm and in ppb.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Policy {
-    /// Width of the error of form's bumps in the logarithm of distance: a plume's spread is a
+    /// Width of the discrepancy's basis functions in the logarithm of distance: a plume's spread is a
     /// power of distance over a factor of two, not much less (Briggs 1973 against Pasquill).
-    pub form_width_ln_distance: f64,
+    pub discrepancy_width_ln_distance: f64,
     /// The same in height and across, in standard deviations of the plume: a profile that is not
     /// Gaussian differs from it over about one.
-    pub form_width_sigmas: f64,
+    pub discrepancy_width_sigmas: f64,
     /// The same in the time at which the air left the source, s: an emission that is on and off by turns of
     /// a minute is seen, what is faster is a fluctuation.
-    pub form_width_s: f64,
-    /// Width of the swing's bumps, s: about as long as a pass, so that each pass may meet the plume in a
+    pub discrepancy_width_s: f64,
+    /// Width of the axis drift's basis functions, s: about as long as a pass, so that each pass may meet the plume in a
     /// direction of its own, and what turns within a pass is wander.
-    pub swing_width_s: f64,
-    /// Most bumps of the swing, and of the error of form in time.
-    pub most_bumps_in_time: usize,
+    pub axis_drift_width_s: f64,
+    /// Most basis functions of the axis drift, and of the discrepancy in time.
+    pub most_basis_functions_in_time: usize,
     /// Height and distance across beyond which a plume is nothing, in standard deviations.
-    pub form_reach_sigmas: f64,
-    /// Most bumps of one coordinate: keeps the cost linear in a record's length.
-    pub form_most_bumps: usize,
-    /// Sizes of the error of form that are tried on each coordinate besides none: a tenth, and the
+    pub discrepancy_reach_sigmas: f64,
+    /// Most basis functions of one coordinate: keeps the cost linear in a record's length.
+    pub discrepancy_most_basis_functions: usize,
+    /// Sizes of the discrepancy that are tried on each coordinate besides none: a tenth, and the
     /// factor of 1.5 within which a good dispersion model has half of its readings (Chang and Hanna
     /// 2004 ask for a factor of two).
-    pub form_sizes: [f64; 2],
-    /// Size of the error of form on each coordinate where it is none: no plume is Gaussian to a
+    pub discrepancy_sizes: [f64; 2],
+    /// Size of the discrepancy on each coordinate where it is none: no plume is Gaussian to a
     /// hundredth.
-    pub form_least: f64,
-    /// Sizes of the swing of the axis that are tried besides none, degrees: a wind that veers within an
+    pub discrepancy_least: f64,
+    /// Sizes of the drift of the axis that are tried besides none, degrees: a wind that veers within an
     /// hour, and one that turns.
-    pub swing_sizes_deg: [f64; 2],
-    /// Standard deviation of the swing's mean over a record, degrees: a steady turn is no swing.
-    pub swing_mean_deg: f64,
-    /// Standard deviation of the straight line through a swing over a record, degrees; infinite where no
+    pub axis_drift_sizes_deg: [f64; 2],
+    /// Standard deviation of the axis drift's mean over a record, degrees: a steady turn is no axis drift.
+    pub axis_drift_mean_deg: f64,
+    /// Standard deviation of the straight line through an axis drift over a record, degrees; infinite where no
     /// cause stands for a turn that grows.
-    pub swing_slope_deg: f64,
-    /// Probability beforehand that a coordinate has no error of form: a third then have none at all.
-    pub form_none: f64,
+    pub axis_drift_slope_deg: f64,
+    /// Probability beforehand that a coordinate has no discrepancy: a third then have none at all.
+    pub discrepancy_none: f64,
     /// What is known of the noise beforehand: median of each size and memory, sizes of white and
     /// slow noise as multiples of the sensor's own.
     pub noise_median: Noise,
@@ -66,14 +66,14 @@ pub struct Policy {
     /// Logarithm of how probable one cause of the catalogue is beforehand: of about thirty causes a
     /// scenario has one in one of three cases.
     pub ln_name: f64,
-    /// Most names of one set.
+    /// Most mechanisms of one set.
     pub most_names: usize,
     /// Sets that are fitted at each step of the search, those from which it goes on, and nats below
     /// the best at which it does not.
     pub beam_fits: usize,
     /// See above.
     pub beam_width: usize,
-    /// Starts of causes that are looked for beside the first name.
+    /// Starts of causes that are looked for beside the first mechanism.
     pub beam_causes: usize,
     /// See above.
     pub beam_nats: f64,
@@ -86,13 +86,13 @@ pub struct Policy {
     pub doubted: f64,
     /// The probability of a cause, by 366 cases of the benchmark's two generators (`crates/gap-bench/fit_probability.py`).
     pub cause_map: CauseMap,
-    /// A name that does not stand is a candidate where a parameter of it departs from doing nothing by so many standard
+    /// A mechanism that does not stand is a candidate where a parameter of it departs from doing nothing by so many standard
     /// deviations.
     pub departs_sd: f64,
-    /// An error of form is said where its evidence exceeds this, nats: 99 to 1, as a model that is right
+    /// A discrepancy is said where its evidence exceeds this, nats: 99 to 1, as a model that is right
     /// shows so much by chance in one record of a hundred at most.
     pub rest_nats: f64,
-    /// ... where passes left out gain by it; beyond this, nats, in any case, as a swing or a fluctuation
+    /// ... where held-out passes gain by it; beyond this, nats, in any case, as an axis drift or a fluctuation
     /// of one pass tells nothing of another: 160,000 to 1.
     pub rest_alone_nats: f64,
     /// Most candidates where something is not explained.
@@ -103,26 +103,26 @@ pub struct Policy {
     pub most_steps: usize,
     /// A fit is settled when a step promises less than this, nats.
     pub settled_nats: f64,
-    /// A part of the posterior with less than this share of the largest is left out.
+    /// A part of the posterior with less than this share of the largest is held out.
     pub least_weight: f64,
 }
 
 impl Default for Policy {
     fn default() -> Self {
         Self {
-            form_width_ln_distance: 0.35,
-            form_width_sigmas: 1.0,
-            form_width_s: 30.0,
-            swing_width_s: 60.0,
-            most_bumps_in_time: 40,
-            form_reach_sigmas: 3.0,
-            form_most_bumps: 24,
-            form_sizes: [0.1, 0.4],
-            form_least: 0.01,
-            swing_sizes_deg: [3.0, 15.0],
-            swing_mean_deg: 0.3,
-            swing_slope_deg: f64::INFINITY,
-            form_none: 0.75,
+            discrepancy_width_ln_distance: 0.35,
+            discrepancy_width_sigmas: 1.0,
+            discrepancy_width_s: 30.0,
+            axis_drift_width_s: 60.0,
+            most_basis_functions_in_time: 40,
+            discrepancy_reach_sigmas: 3.0,
+            discrepancy_most_basis_functions: 24,
+            discrepancy_sizes: [0.1, 0.4],
+            discrepancy_least: 0.01,
+            axis_drift_sizes_deg: [3.0, 15.0],
+            axis_drift_mean_deg: 0.3,
+            axis_drift_slope_deg: f64::INFINITY,
+            discrepancy_none: 0.75,
             noise_median: Noise {
                 white: 1.0,
                 slow: 0.3,

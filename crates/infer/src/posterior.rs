@@ -1,10 +1,10 @@
-//! What is believed after the readings: fits under several sizes of the error of form and several
+//! What is believed after the readings: fits under several sizes of the discrepancy and several
 //! noises, each with the weight that its evidence gives it.
 
 use crate::InferError;
+use crate::discrepancy::{Basis, COORDINATES, Growth, Sizes};
 use crate::evidence::{Evidence, Known, Layout, Products};
-use crate::fit::{Fit, Point, Problem, Turning};
-use crate::form::{Basis, COORDINATES, Growth, Sizes};
+use crate::fit::{AxisDrift, Fit, Point, Problem};
 use crate::noise::Noise;
 use crate::parallel_map::parallel_map;
 use crate::rows::{ForwardModel, PlumePlace};
@@ -13,14 +13,14 @@ use std::sync::Arc;
 
 /// Fluctuation and wander are tried smaller and larger by this factor until the evidence falls.
 const SIZE_FACTOR: f64 = 2.0;
-/// Most such tries, and most rounds of sizes of the error of form.
+/// Most such tries, and most rounds of sizes of the discrepancy.
 const MOST_TRIES: usize = 6;
 const MOST_ROUNDS: usize = 4;
 /// A try that gains less ends them, nats.
 const LEAST_GAIN: f64 = 0.5;
 /// Sizes whose evidence is less by this have no neighbours that count, nats.
 const NEAR_NATS: f64 = 6.0;
-/// Size of the error of form that half of the first fits are given: middling, so that it is found
+/// Size of the discrepancy that half of the first fits are given: middling, so that it is found
 /// where it is and does nothing where it is not.
 const FIRST_SIZE: f64 = 0.3;
 /// Fluctuation and wander that the first fits are given, as multiples of what is most probable
@@ -60,7 +60,7 @@ struct Part {
     precision: Cholesky<f64, Dyn>,
 }
 
-/// The posterior of a model's unknowns and of its error of form.
+/// The posterior of a model's unknowns and of its discrepancy.
 #[derive(Debug, Clone)]
 pub struct Posterior {
     fit: Fit,
@@ -68,20 +68,20 @@ pub struct Posterior {
     parts: Vec<Part>,
     scatter: Scatter,
     layout: Layout,
-    /// Weights of error of form and swing in the mean over the parts.
+    /// Weights of discrepancy and axis drift in the mean over the parts.
     mean_weights: Vec<f64>,
     unknowns: usize,
     ln_evidence: f64,
 }
 
-/// A fit with what the linear problem there says of sizes of the error of form.
+/// A fit with what the linear problem there says of sizes of the discrepancy.
 #[derive(Debug, Clone)]
 pub(crate) struct Weighed {
     pub fit: Fit,
     pub ln_evidence: f64,
     /// Log evidence of the fit's own sizes alone.
     ln_own: f64,
-    /// Logarithms of the shares of sizes, the largest first. Where an error of form or a swing was fitted,
+    /// Logarithms of the shares of sizes, the largest first. Where a discrepancy or an axis drift was fitted,
     /// the linear problem does not say how well none would do.
     pub sizes: Vec<(f64, Sizes)>,
     /// Sizes that look best from there, and the log evidence that they promise.
@@ -89,7 +89,7 @@ pub(crate) struct Weighed {
     known: Known,
     products: Products,
     /// Of the problem that it was found in.
-    pub turning: Arc<Turning>,
+    pub turning: Arc<AxisDrift>,
 }
 
 impl<M: ForwardModel> Problem<'_, M> {
@@ -140,7 +140,7 @@ impl<M: ForwardModel> Problem<'_, M> {
 
     pub(crate) fn refined(&self, before: &Fit) -> Result<Weighed, InferError> {
         let best = self.polished(self.carried(before)?)?;
-        // What began with an error of form or a swing may be better without.
+        // What began with a discrepancy or an axis drift may be better without.
         let calm = self.quiet_noise();
         let none = self.policy.nearest_sizes(0.0, 0.0);
         let fit = &best.fit;
@@ -158,20 +158,20 @@ impl<M: ForwardModel> Problem<'_, M> {
     }
 
     fn carried(&self, before: &Fit) -> Result<Weighed, InferError> {
-        // Bumps lie over the places and times of the readings. The weights of the error of form are found in
+        // Basis functions lie over the places and times of the readings. The weights of the discrepancy are found in
         // a step or two.
-        let before = self.with_own_swing(before);
-        let swing = before.point.weights[before.basis.of_form()..].to_vec();
+        let before = self.with_own_axis_drift(before);
+        let axis_drift = before.point.weights[before.basis.of_discrepancy()..].to_vec();
         let point = Point {
             at: before.point.at,
-            weights: swing,
+            weights: axis_drift,
         };
         let basis = self.basis(&point)?;
-        // With its noise and error of form a wrong valley explains itself: without them more readings may
+        // With its noise and discrepancy a wrong valley explains itself: without them more readings may
         // lead out of it.
         let bare = Point {
             at: point.at.clone(),
-            weights: vec![0.0; self.turning.swing.len()],
+            weights: vec![0.0; self.turning.axis_drift.len()],
         };
         let mut both = parallel_map(&[true, false], |is_carried| {
             if *is_carried {
@@ -269,28 +269,28 @@ impl<M: ForwardModel> Problem<'_, M> {
         found.into_iter().next().ok_or(InferError::NoPosterior)
     }
 
-    /// Posteriors from several starts, noises and sizes of the error of form: the likelihood has
+    /// Posteriors from several starts, noises and sizes of the discrepancy: the likelihood has
     /// several valleys where a plume wanders.
     fn first_fits(&self) -> Result<Vec<Weighed>, InferError> {
-        let beforehand = self.prior_noise();
+        let prior = self.prior_noise();
         let still = self.rough_fit(&self.search()?, 0.0)?;
-        let (swung, swing_deg) = self.swung(&still)?;
+        let (swung, axis_drift_deg) = self.swung(&still)?;
         let mut points = vec![(still, 0.0)];
-        let least_deg = self.policy.swing_sizes_deg[0];
-        if swing_deg > 0.5 * least_deg {
-            let swing_deg = swing_deg.max(least_deg);
-            points.push((self.rough_fit(&swung, swing_deg)?, swing_deg));
+        let least_deg = self.policy.axis_drift_sizes_deg[0];
+        if axis_drift_deg > 0.5 * least_deg {
+            let axis_drift_deg = axis_drift_deg.max(least_deg);
+            points.push((self.rough_fit(&swung, axis_drift_deg)?, axis_drift_deg));
         }
         let mut firsts = Vec::new();
-        for (point, swing_deg) in &points {
+        for (point, axis_drift_deg) in &points {
             let basis = self.basis(point)?;
             for form in [0.0, FIRST_SIZE] {
-                let sizes = self.policy.nearest_sizes(form, *swing_deg);
+                let sizes = self.policy.nearest_sizes(form, *axis_drift_deg);
                 for (fluctuation, wander) in FIRST_NOISES {
                     let noise = Noise {
-                        fluctuation: beforehand.fluctuation * fluctuation,
-                        wander_deg: beforehand.wander_deg * wander,
-                        ..beforehand
+                        fluctuation: prior.fluctuation * fluctuation,
+                        wander_deg: prior.wander_deg * wander,
+                        ..prior
                     };
                     firsts.push((point, basis.clone(), noise, sizes));
                 }
@@ -335,7 +335,7 @@ impl<M: ForwardModel> Problem<'_, M> {
         Ok(best)
     }
 
-    /// The fit under the same noise whose point has the sizes of the error of form that are likeliest
+    /// The fit under the same noise whose point has the sizes of the discrepancy that are likeliest
     /// there: what a linear problem says of sizes far from those of its point is not to be believed, and where a fit
     /// with them does not keep what they promised, none counts that promises more than the point's own.
     pub(crate) fn settle_sizes(&self, fit: Fit) -> Result<Weighed, InferError> {
@@ -356,7 +356,7 @@ impl<M: ForwardModel> Problem<'_, M> {
         Ok(best)
     }
 
-    /// The sizes of the error of form and their evidence by the linear problem at a fit's point.
+    /// The sizes of the discrepancy and their evidence by the linear problem at a fit's point.
     pub(crate) fn around(&self, fit: Fit) -> Result<Weighed, InferError> {
         let (known, mut products) = self.products(&fit, &[], &[self.rows.whole()])?;
         let products = products.remove(0);
@@ -497,14 +497,14 @@ impl Scatter {
         let count = self.pulls.len() as f64;
         let pulled: f64 = self.pulls.iter().map(|g| g.dot(worth).powi(2)).sum();
         let known = self.precision.iter().zip(worth.iter());
-        let beforehand: f64 = known.map(|(p, h)| p * h * h).sum();
+        let prior: f64 = known.map(|(p, h)| p * h * h).sum();
         let variance = function.dot(worth);
-        let scattered = pulled * count / (count - 1.0) / (variance - beforehand);
-        widened(variance, self.variance_beforehand(function), scattered)
+        let scattered = pulled * count / (count - 1.0) / (variance - prior);
+        widened(variance, self.prior_variance(function), scattered)
     }
 
     /// Variance of a linear function before any reading.
-    fn variance_beforehand(&self, function: &DVector<f64>) -> f64 {
+    fn prior_variance(&self, function: &DVector<f64>) -> f64 {
         let each = function.iter().zip(&self.precision);
         each.filter(|(f, _)| **f != 0.0)
             .map(|(f, p)| f * f / p)
@@ -514,16 +514,16 @@ impl Scatter {
 
 /// Factor on a standard deviation where readings scatter `scattered` times as much, as a variance, as they are taken to: they
 /// tell less by that, and what is known beforehand stays. So nothing becomes less certain than it was beforehand.
-pub(crate) fn widened(variance: f64, beforehand: f64, scattered: f64) -> f64 {
-    let told = 1.0 / variance - 1.0 / beforehand;
+pub(crate) fn widened(variance: f64, prior: f64, scattered: f64) -> f64 {
+    let told = 1.0 / variance - 1.0 / prior;
     if !(told > 0.0 && scattered > 1.0 && scattered.is_finite()) {
         return 1.0;
     }
-    (1.0 / (variance * (1.0 / beforehand + told / scattered))).sqrt()
+    (1.0 / (variance * (1.0 / prior + told / scattered))).sqrt()
 }
 
 impl Weighed {
-    /// The sizes of the error of form that are most probable.
+    /// The sizes of the discrepancy that are most probable.
     pub fn likeliest_sizes(&self) -> Sizes {
         self.sizes.first().map_or([0.0; COORDINATES], |s| s.1)
     }
@@ -599,7 +599,7 @@ impl Posterior {
         self.ln_evidence
     }
 
-    /// The sizes of the error of form that are most probable.
+    /// The sizes of the discrepancy that are most probable.
     pub fn likeliest_sizes(&self) -> Sizes {
         let most = self
             .parts
@@ -657,9 +657,9 @@ impl Posterior {
     }
 
     /// Variances of linear functions, row by row, of all columns before any reading.
-    pub(crate) fn variance_beforehand(&self, functions: &DMatrix<f64>) -> DVector<f64> {
+    pub(crate) fn prior_variance(&self, functions: &DMatrix<f64>) -> DVector<f64> {
         let rows = functions.row_iter();
-        let of = rows.map(|row| self.scatter.variance_beforehand(&row.transpose()));
+        let of = rows.map(|row| self.scatter.prior_variance(&row.transpose()));
         DVector::from_iterator(functions.nrows(), of)
     }
 
@@ -670,10 +670,10 @@ impl Posterior {
         self.widening(&function)
     }
 
-    /// Whether a swing was fitted.
-    pub fn has_swing(&self) -> bool {
-        let swing = &self.fit.point.weights[self.fit.basis.of_form()..];
-        swing.iter().any(|weight| *weight != 0.0)
+    /// Whether an axis drift was fitted.
+    pub fn has_axis_drift(&self) -> bool {
+        let axis_drift = &self.fit.point.weights[self.fit.basis.of_discrepancy()..];
+        axis_drift.iter().any(|weight| *weight != 0.0)
     }
 
     /// Turn of the axis at a time, degrees clockwise, beside the means of the unknowns: what of a steady turn
@@ -685,14 +685,16 @@ impl Posterior {
     /// Mean turn of the axis at these times, degrees clockwise, with how far it may be off, together with the
     /// unknown that turns the axis for good, if there is one.
     pub fn mean_turn(&self, times_s: &[f64], beside: Option<usize>) -> Estimate {
-        let swing = &self.layout.weights[self.fit.basis.of_form()..];
-        let mut bumps = vec![0.0; swing.len()];
+        let axis_drift = &self.layout.weights[self.fit.basis.of_discrepancy()..];
+        let mut basis_functions = vec![0.0; axis_drift.len()];
         let mut function = DMatrix::zeros(1, self.layout.tried);
         let (count, mut value) = (times_s.len() as f64, 0.0);
         for time_s in times_s {
-            self.fit.basis.fill_swing(*time_s, &mut bumps);
-            for (place, bump) in swing.iter().zip(&bumps) {
-                function[(0, *place)] += bump / count;
+            self.fit
+                .basis
+                .fill_axis_drift(*time_s, &mut basis_functions);
+            for (place, basis_function) in axis_drift.iter().zip(&basis_functions) {
+                function[(0, *place)] += basis_function / count;
             }
             value += self.turn_deg(*time_s) / count;
         }
@@ -717,13 +719,16 @@ impl Posterior {
         rest + plume * self.growth(&place).0.factor
     }
 
-    /// The error of form of the fit's point at a place, and the values of the bumps there.
+    /// The discrepancy of the fit's point at a place, and the values of the basis functions there.
     fn growth(&self, place: &PlumePlace) -> (Growth, Vec<f64>) {
         let (basis, weights) = (&self.fit.basis, &self.fit.point.weights);
-        let form = basis.of_form();
-        let mut bumps = vec![0.0; basis.len()];
-        basis.fill(place, &mut bumps);
-        (Basis::growth(&bumps[..form], &weights[..form]), bumps)
+        let form = basis.of_discrepancy();
+        let mut basis_functions = vec![0.0; basis.len()];
+        basis.fill(place, &mut basis_functions);
+        (
+            Basis::growth(&basis_functions[..form], &weights[..form]),
+            basis_functions,
+        )
     }
 
     /// What is to be met at a place: `value` gives for the unknowns and a turn of the axis in degrees
@@ -756,7 +761,7 @@ impl Posterior {
     /// What is to be met at a place, linearised at the fit's point.
     fn near(&self, time_s: f64, value: impl Fn(&[f64], f64) -> (f64, f64, PlumePlace)) -> Near {
         let (fit, basis) = (&self.fit, &self.fit.basis);
-        let form = basis.of_form();
+        let form = basis.of_discrepancy();
         let met = |at: &[f64], turn_deg: f64| {
             let (rest, plume, place) = value(at, turn_deg);
             (rest, plume * self.growth(&place).0.factor)
@@ -794,13 +799,14 @@ impl Posterior {
         }
         let turned = met(at, turn_deg + DIFFERENCE_DEG).1;
         let per_degree = relative((turned - plume) / DIFFERENCE_DEG);
-        for (k, (bump, place)) in here_bumps.iter().zip(&self.layout.weights).enumerate() {
+        for (k, (basis_function, place)) in here_bumps.iter().zip(&self.layout.weights).enumerate()
+        {
             let each = if k < form {
                 growth.slope / growth.factor
             } else {
                 per_degree
             };
-            near.ln_plume_slope[*place] = each * bump;
+            near.ln_plume_slope[*place] = each * basis_function;
         }
         near
     }

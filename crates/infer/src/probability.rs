@@ -1,6 +1,6 @@
 //! The probability that a cause is true, from how far it departs from doing nothing.
 //!
-//! Evidence alone is too sure of itself: all models are wrong in ways that their error of form does not hold, and a name
+//! Evidence alone is too sure of itself: all models are wrong in ways that their discrepancy does not hold, and a mechanism
 //! takes up part of that. A logistic regression on cases with known truth tells how often causes that depart so far were true.
 
 /// What the probability of a cause follows from.

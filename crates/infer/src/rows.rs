@@ -162,7 +162,7 @@ pub struct Prediction {
     pub plume: Vec<f64>,
 }
 
-/// Where a place lies in a plume: the coordinates in which a model's error of form is smooth.
+/// Where a place lies in a plume: the coordinates in which a model's discrepancy is smooth.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PlumePlace {
     /// Natural logarithm of the distance downwind, m.

@@ -1,8 +1,8 @@
 //! Where a fit starts: the most promising place of the plume, a fit that is robust against a
-//! plume of another form, and the swing of the axis that the readings show.
+//! plume of another form, and the drift of the axis that the readings show.
 
 use crate::InferError;
-use crate::fit::{Point, Problem, swing_alone};
+use crate::fit::{Point, Problem, axis_drift_alone};
 use crate::noise::Noise;
 use crate::rows::{ForwardModel, Prediction, Prior};
 use nalgebra::{DMatrix, DVector};
@@ -53,7 +53,7 @@ impl<M: ForwardModel> Problem<'_, M> {
         let at = best.map_or_else(Vec::new, |b| b.1);
         Ok(Point {
             at,
-            weights: vec![0.0; self.turning.swing.len()],
+            weights: vec![0.0; self.turning.axis_drift.len()],
         })
     }
 
@@ -88,15 +88,19 @@ impl<M: ForwardModel> Problem<'_, M> {
         (0..self.rows.len()).map(score).collect()
     }
 
-    /// A fit without an error of form, whose noise grows with what was read as well as with what is
+    /// A fit without a discrepancy, whose noise grows with what was read as well as with what is
     /// expected: a plume that is wider than the model's must widen it, not be fled from.
-    pub(crate) fn rough_fit(&self, start: &Point, swing_deg: f64) -> Result<Point, InferError> {
-        let beforehand = self.prior_noise();
+    pub(crate) fn rough_fit(
+        &self,
+        start: &Point,
+        axis_drift_deg: f64,
+    ) -> Result<Point, InferError> {
+        let prior = self.prior_noise();
         let noise = Noise {
-            fluctuation: FLICKER * beforehand.fluctuation,
-            ..beforehand
+            fluctuation: FLICKER * prior.fluctuation,
+            ..prior
         };
-        let basis = self.turning.swing.clone();
+        let basis = self.turning.axis_drift.clone();
         let inflation = vec![1.0; self.rows.len()];
         let mut point = start.clone();
         for _ in 0..ROUNDS {
@@ -107,12 +111,13 @@ impl<M: ForwardModel> Problem<'_, M> {
                 loadings.plume[i] = loadings.plume[i].max(read);
             }
             let metric = self.metric_of(loadings, &noise, &inflation);
-            (point, _) = self.steps_under(&point, &basis, swing_alone(swing_deg), &metric)?;
+            (point, _) =
+                self.steps_under(&point, &basis, axis_drift_alone(axis_drift_deg), &metric)?;
         }
         Ok(point)
     }
 
-    /// The point with the swing of the axis that the readings show, and the swing's size in degrees:
+    /// The point with the drift of the axis that the readings show, and the axis drift's size in degrees:
     /// the most probable sequence of turns (Viterbi 1967) of a random walk, made smooth.
     pub(crate) fn swung(&self, point: &Point) -> Result<(Point, f64), InferError> {
         let half = (WIDEST_DEG / SPACING_DEG) as i32;
@@ -174,15 +179,16 @@ impl<M: ForwardModel> Problem<'_, M> {
         }
     }
 
-    /// Weights of the swing whose turns are nearest to a path, by least squares.
+    /// Weights of the axis drift whose turns are nearest to a path, by least squares.
     pub(crate) fn smoothed(&self, path: &[f64]) -> Vec<f64> {
-        // Keeps bumps that no row tells apart at rest.
+        // Keeps basis functions that no row tells apart at rest.
         const RIDGE: f64 = 1e-3;
-        let n = self.turning.swing.len();
-        let bumps = DMatrix::from_column_slice(n, path.len(), &self.turning.bumps);
+        let n = self.turning.axis_drift.len();
+        let basis_functions =
+            DMatrix::from_column_slice(n, path.len(), &self.turning.basis_functions);
         let ridge = DMatrix::identity(n, n) * RIDGE * path.len().max(1) as f64;
-        let square = &bumps * bumps.transpose() + ridge;
-        let product = bumps * DVector::from_column_slice(path);
+        let square = &basis_functions * basis_functions.transpose() + ridge;
+        let product = basis_functions * DVector::from_column_slice(path);
         let solved = square.cholesky().map(|c| c.solve(&product));
         solved.map_or_else(|| vec![0.0; n], |w| w.as_slice().to_vec())
     }

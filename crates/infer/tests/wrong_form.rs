@@ -13,7 +13,7 @@ mod bar;
 mod gaussian;
 
 use gaussian::{Model, PEAK, Reality, measured, peak_truth, readings, realities, rows_of};
-use infer::{Estimate, ForwardModel, Policy, Posterior, Problem, Rows, SWING};
+use infer::{AXIS_DRIFT, Estimate, ForwardModel, Policy, Posterior, Problem, Rows};
 
 /// Time of the asked peak, s: within the record.
 const ASKED_S: f64 = 800.0;
@@ -135,7 +135,7 @@ fn a_swinging_axis_is_followed() {
             mean[k]
         );
     }
-    assert!(found.likeliest_sizes()[SWING] > 0.0);
+    assert!(found.likeliest_sizes()[AXIS_DRIFT] > 0.0);
     // 60 degrees in 2100 s.
     let turned = found.turn_deg(800.0) - found.turn_deg(200.0);
     assert!((turned - 60.0 * 600.0 / 2100.0).abs() < 2.0, "{turned}");

@@ -6,14 +6,14 @@ use air::geo::wrap_deg;
 use nalgebra::DMatrix;
 use scenario::observations::Observations;
 
-use infer::{Along, Cause as Named, Found, InferError, RestKind, SWING};
+use infer::{AXIS_DRIFT, Along, Cause as Named, FittedSet, InferError, RestKind};
 
-use super::catalogue::Tried;
+use super::catalogue::Hypothesis;
 use super::data::{Data, Setup, mean_transport};
 use super::gain::{Gained, gain};
 use super::model::{PlumeModel, Unknown, fitted};
-use super::own::HELD;
 use super::report::{GapReport, report};
+use super::sensor_calibration::HELD;
 use super::{
     Analysis, Considered, FEWEST_READINGS, FOLLOWED, Labelled, NamedSet, ONE_DIRECTION_DEG,
     Options, Study, gate, residual, wind,
@@ -117,8 +117,8 @@ pub(crate) fn stated(
             .collect(),
         logged_wind: study.data.on_board_wind.then(|| met_wind(study, set)),
         report: report(study, gained.as_ref()),
-        named: (!sure.names.is_empty()).then(|| NamedSet {
-            names: sure.names.clone(),
+        named: (!sure.mechanisms.is_empty()).then(|| NamedSet {
+            names: sure.mechanisms.clone(),
             fit: sure.fit().clone(),
         }),
         considered: considered(study),
@@ -126,17 +126,17 @@ pub(crate) fn stated(
 }
 
 /// The set of what is sure enough to extend a scenario: of the causes that are stated those with a probability of .95
-/// by which passes left out gain. The base where there is none.
-fn sure_set<'s, 'a>(study: &'s Study<'a>, named: bool) -> &'s Found<PlumeModel<'a>> {
+/// by which held-out passes gain. The base where there is none.
+fn sure_set<'s, 'a>(study: &'s Study<'a>, named: bool) -> &'s FittedSet<PlumeModel<'a>> {
     let judged = &study.judged;
-    let is_sure = |c: &&Named<Tried>| named && c.is_sure(study.question.policy);
-    let sure: Vec<Tried> = judged
+    let is_sure = |c: &&Named<Hypothesis>| named && c.is_sure(study.question.policy);
+    let sure: Vec<Hypothesis> = judged
         .causes
         .iter()
         .filter(is_sure)
-        .map(|c| c.names[0].0.clone())
+        .map(|c| c.mechanisms[0].0.clone())
         .collect();
-    if sure.len() == judged.set.names.len() {
+    if sure.len() == judged.set.mechanisms.len() {
         return &judged.set;
     }
     let found = study.found.iter().find(|f| f.is_same_set(&sure));
@@ -145,7 +145,7 @@ fn sure_set<'s, 'a>(study: &'s Study<'a>, named: bool) -> &'s Found<PlumeModel<'
 
 /// The sets that were judged, by the names of files.
 fn considered(study: &Study<'_>) -> Considered {
-    let labelled = |c: &Named<Tried>| c.named_by(|t| label(study, t));
+    let labelled = |c: &Named<Hypothesis>| c.named_by(|t| label(study, t));
     let sets = study.judged.considered.iter();
     Considered {
         sets: sets.map(|set| set.iter().map(labelled).collect()).collect(),
@@ -157,13 +157,14 @@ fn considered(study: &Study<'_>) -> Considered {
 /// Whether the readings follow the plume well enough that a name means something: they do, or lie in
 /// one direction, to which a name turns the wind.
 pub(crate) fn follows(study: &Study<'_>) -> bool {
-    let turns = |c: &Named<Tried>| c.names[0].0.part.id == MechanismId::WindDirectionOffset;
+    let turns =
+        |c: &Named<Hypothesis>| c.mechanisms[0].0.part.id == MechanismId::WindDirectionOffset;
     let turned = study.judged.causes.iter().any(turns);
     let contact = study.contact.as_ref();
     contact.is_none_or(|c| c.share >= FOLLOWED || (turned && c.turn_deg.sd < ONE_DIRECTION_DEG))
 }
 
-fn label(study: &Study<'_>, tried: &Tried) -> Labelled {
+fn label(study: &Study<'_>, tried: &Hypothesis) -> Labelled {
     let platform = tried
         .part
         .platform
@@ -175,13 +176,13 @@ fn causes(study: &Study<'_>) -> Result<Vec<Cause>, InferError> {
     let judged = &study.judged;
     let posterior = study.question.posterior(&judged.set)?;
     let (mean, covariance) = (posterior.mean(), posterior.covariance());
-    let cause = |(k, named): (usize, &Named<Tried>)| {
-        let first = &named.names[0].0;
+    let cause = |(k, named): (usize, &Named<Hypothesis>)| {
+        let first = &named.mechanisms[0].0;
         Cause {
-            mechanisms: distinct(named.names.iter().map(|n| label(study, &n.0).0)),
+            mechanisms: distinct(named.mechanisms.iter().map(|n| label(study, &n.0).0)),
             probability: named.probability,
             evidence: Evidence {
-                delta_log_score: named.left_out.0,
+                delta_log_score: named.hold_out.0,
                 delta_log_evidence: named.gain,
                 p_value: f64::NAN,
             },
@@ -198,7 +199,7 @@ fn causes(study: &Study<'_>) -> Result<Vec<Cause>, InferError> {
 }
 
 /// Settings of a name: numbers of its mechanism that are not fitted.
-fn settings(tried: &Tried) -> Vec<Parameter> {
+fn settings(tried: &Hypothesis) -> Vec<Parameter> {
     let id = tried.part.id;
     let all = id.spec().parameters.iter().zip(&tried.part.values);
     all.filter(|(p, _)| p.default.is_some())
@@ -226,7 +227,7 @@ fn distinct(names: impl Iterator<Item = String>) -> Vec<String> {
 /// thing: their sum is stated.
 fn parameters(
     study: &Study<'_>,
-    set: &Found<PlumeModel<'_>>,
+    set: &FittedSet<PlumeModel<'_>>,
     k: usize,
     mean: &[f64],
     covariance: impl Fn(usize, usize) -> f64,
@@ -234,7 +235,7 @@ fn parameters(
     let unknowns = study.setup.unknowns();
     let part = unknowns.len() + k;
     let own: Vec<usize> = set.model.unknowns_of(part).collect();
-    let tried = &set.names[k];
+    let tried = &set.mechanisms[k];
     let id = tried.part.id;
     let moves_it = |u: &Unknown| u.id == id && u.platform == tried.part.platform;
     let stated = unknowns.iter().position(moves_it);
@@ -265,14 +266,14 @@ fn ranking(study: &Study<'_>) -> Vec<Ranked> {
     let base = study.base.ln_score();
     let top = study.found[0].ln_score();
     let all: f64 = study.found.iter().map(|f| (f.ln_score() - top).exp()).sum();
-    let ranked = |f: &Found<PlumeModel<'_>>| Ranked {
-        mechanisms: f.names.iter().map(|n| label(study, n).0).collect(),
-        platform: f.names.iter().find_map(|n| label(study, n).1),
+    let ranked = |f: &FittedSet<PlumeModel<'_>>| Ranked {
+        mechanisms: f.mechanisms.iter().map(|n| label(study, n).0).collect(),
+        platform: f.mechanisms.iter().find_map(|n| label(study, n).1),
         delta_log_score: f.ln_evidence() - study.base.ln_evidence(),
         log_evidence: f.ln_score() - base,
         probability: (f.ln_score() - top).exp() / all,
     };
-    let named = study.found.iter().filter(|f| !f.names.is_empty());
+    let named = study.found.iter().filter(|f| !f.mechanisms.is_empty());
     named.map(ranked).collect()
 }
 
@@ -297,7 +298,7 @@ fn unexplained(study: &Study<'_>, named: bool) -> Result<Option<Unexplained>, In
         }
     }
     for (found, probability) in &judged.candidates {
-        let own = candidate(study, found, *probability, judged.set.names.len())?;
+        let own = candidate(study, found, *probability, judged.set.mechanisms.len())?;
         match candidates
             .iter_mut()
             .find(|c| c.mechanisms == own.mechanisms)
@@ -314,7 +315,7 @@ fn unexplained(study: &Study<'_>, named: bool) -> Result<Option<Unexplained>, In
     let coordinate = match judged.rest.kind {
         RestKind::Background(Along::Height) => "height",
         RestKind::Background(Along::Time) => "time",
-        _ => of_plume[largest.unwrap_or(SWING)],
+        _ => of_plume[largest.unwrap_or(AXIS_DRIFT)],
     };
     let kind = if astray || (elsewhere && !named) {
         UnexplainedKind::NoContact
@@ -335,17 +336,17 @@ fn unexplained(study: &Study<'_>, named: bool) -> Result<Option<Unexplained>, In
 
 fn candidate(
     study: &Study<'_>,
-    found: &Found<PlumeModel<'_>>,
+    found: &FittedSet<PlumeModel<'_>>,
     probability: f64,
     known: usize,
 ) -> Result<Candidate, InferError> {
     let posterior = study.question.posterior(found)?;
     let (mean, covariance) = (posterior.mean(), posterior.covariance());
-    let own = known.min(found.names.len().saturating_sub(1))..found.names.len();
+    let own = known.min(found.mechanisms.len().saturating_sub(1))..found.mechanisms.len();
     Ok(Candidate {
         mechanisms: own
             .clone()
-            .map(|k| label(study, &found.names[k]).0)
+            .map(|k| label(study, &found.mechanisms[k]).0)
             .collect(),
         probability,
         log_evidence: found.ln_evidence() - study.base.ln_evidence(),
@@ -355,9 +356,9 @@ fn candidate(
     })
 }
 
-fn dropped(study: &Study<'_>, cause: &Named<Tried>) -> Candidate {
+fn dropped(study: &Study<'_>, cause: &Named<Hypothesis>) -> Candidate {
     Candidate {
-        mechanisms: vec![label(study, &cause.names[0].0).0],
+        mechanisms: vec![label(study, &cause.mechanisms[0].0).0],
         probability: cause.probability,
         log_evidence: cause.gain,
         parameters: Vec::new(),
@@ -390,7 +391,7 @@ fn stretch(study: &Study<'_>) -> (f64, f64, Vec<String>) {
     )
 }
 
-fn noise(set: &Found<PlumeModel<'_>>) -> Noise {
+fn noise(set: &FittedSet<PlumeModel<'_>>) -> Noise {
     let found = set.fit().noise;
     Noise {
         white_ppm: found.white,
@@ -405,10 +406,10 @@ fn noise(set: &Found<PlumeModel<'_>>) -> Noise {
 fn discrepancy(study: &Study<'_>) -> Discrepancy {
     let set = &study.judged.set;
     let sizes = set.likeliest_sizes();
-    let square: f64 = sizes[..SWING].iter().map(|s| s * s).sum();
+    let square: f64 = sizes[..AXIS_DRIFT].iter().map(|s| s * s).sum();
     Discrepancy {
         size: square.sqrt(),
-        wander_deg: sizes[SWING].hypot(set.fit().noise.wander_deg),
+        wander_deg: sizes[AXIS_DRIFT].hypot(set.fit().noise.wander_deg),
         log_evidence: study.judged.rest.nats,
     }
 }
@@ -451,7 +452,7 @@ pub(super) fn contact(study: &Study<'_>) -> Option<Contact> {
 
 /// Why the readings could not have shown anything, if so.
 fn insufficient(study: &Study<'_>) -> Result<Option<Insufficient>, InferError> {
-    let is_strength = |t: &&Tried| t.part.id == MechanismId::EmissionScale;
+    let is_strength = |t: &&Hypothesis| t.part.id == MechanismId::EmissionScale;
     let Some(strength) = study.tried.iter().find(is_strength) else {
         return Ok(None);
     };
@@ -532,13 +533,13 @@ fn detectable(study: &Study<'_>) -> Result<Vec<Detectable>, InferError> {
 }
 
 /// Direction from which the wind carried the plume of a set where it was met, degrees.
-pub(super) fn carried_from_deg(study: &Study<'_>, set: &Found<PlumeModel<'_>>) -> f64 {
+pub(super) fn carried_from_deg(study: &Study<'_>, set: &FittedSet<PlumeModel<'_>>) -> f64 {
     wrap_deg(met_wind(study, set).0 + set.model.turned_deg(set.at()))
 }
 
 /// The wind in which the plume was met, before it is turned by what the scenario is unsure of:
 /// direction from, in degrees, and speed at the scenario's height, m/s.
-fn met_wind(study: &Study<'_>, set: &Found<PlumeModel<'_>>) -> (f64, f64) {
+fn met_wind(study: &Study<'_>, set: &FittedSet<PlumeModel<'_>>) -> (f64, f64) {
     let spec = &study.setup.base;
     let turns = study.question.turns_deg(set);
     let there = infer::ForwardModel::predict(&set.model, set.at(), &turns);
@@ -556,15 +557,15 @@ fn met_wind(study: &Study<'_>, set: &Found<PlumeModel<'_>>) -> (f64, f64) {
     (wrap_deg(from_deg), wind.speed_m_s * finite)
 }
 
-/// The scenario's uncertain keys, fitted, of the plume without an error of form: the extended scenario has
+/// The scenario's uncertain keys, fitted, of the plume without a discrepancy: the extended scenario has
 /// none. The wind's direction is that of the wind against which it was fitted, and the turn.
 pub(super) fn base_parameters(
     study: &Study<'_>,
-    set: &Found<PlumeModel<'_>>,
+    set: &FittedSet<PlumeModel<'_>>,
 ) -> Result<Vec<BaseParameter>, InferError> {
     let believed = study.question.posterior(set)?;
     let nearest = study.question.nearest(set, &believed)?;
-    let infer::Nearest {
+    let infer::ClosestModel {
         mean, covariance, ..
     } = set.model.stated(nearest, &believed, false)?;
     let wind_from_deg = met_wind(study, set).0;
@@ -604,7 +605,7 @@ pub(super) fn base_parameters(
 /// gain where the readings tell it.
 fn own_parameters(
     study: &Study<'_>,
-    set: &Found<PlumeModel<'_>>,
+    set: &FittedSet<PlumeModel<'_>>,
     mean: &[f64],
     covariance: &DMatrix<f64>,
 ) -> Result<Vec<BaseParameter>, InferError> {

@@ -65,7 +65,7 @@ pub fn apply(
     let question = records.question();
     let first_model = records
         .model(setup, &tracks[0])
-        .following(base.model.swing());
+        .following(base.model.axis_drift());
     let contact = records.first_question().contact(&first_model, base.at())?;
     let study = Study {
         setup: &extended,

@@ -10,7 +10,7 @@ use super::model::{Part, PlumeModel, Scale, Unknown, fitted, neutral};
 
 /// A mechanism that is tried, and a start of its search.
 #[derive(Debug, Clone)]
-pub struct Tried {
+pub struct Hypothesis {
     /// The mechanism with its settings; fitted parameters are neutral.
     pub part: Part,
     /// Where a search of it starts.
@@ -28,17 +28,17 @@ fn set(part: &Part, at: &[f64]) -> Part {
 }
 
 impl Catalogue for PlumeModel<'_> {
-    type Tried = Tried;
+    type Hypothesis = Hypothesis;
 
-    fn start(tried: &Tried) -> &Start {
+    fn start(tried: &Hypothesis) -> &Start {
         &tried.start
     }
 
-    fn same_cause(a: &Tried, b: &Tried) -> bool {
+    fn same_cause(a: &Hypothesis, b: &Hypothesis) -> bool {
         a.part.id == b.part.id && a.part.platform == b.part.platform
     }
 
-    fn with(&self, tried: &Tried) -> Self {
+    fn with(&self, tried: &Hypothesis) -> Self {
         self.with(&tried.part)
     }
 
@@ -46,7 +46,7 @@ impl Catalogue for PlumeModel<'_> {
         &self,
         at: &[f64],
         turn_deg: &[f64],
-        tried: &Tried,
+        tried: &Hypothesis,
         end: &[f64],
     ) -> Result<Prediction, InferError> {
         let extended = self.with(&set(&tried.part, end));
@@ -78,7 +78,7 @@ pub(crate) fn tried(
     model: &PlumeModel<'_>,
     base: &Prediction,
     world: &DispersionModel,
-) -> Vec<Tried> {
+) -> Vec<Hypothesis> {
     let platforms = model.track().platforms().len();
     let mut out = Vec::new();
     for &id in MechanismId::ALL {
@@ -102,7 +102,7 @@ pub(crate) fn tried(
             for (values, start) in &starts {
                 let mut start = start.clone();
                 start.ln_prior += share(*platform);
-                out.push(Tried {
+                out.push(Hypothesis {
                     part: Part {
                         id,
                         platform: *platform,
@@ -117,9 +117,9 @@ pub(crate) fn tried(
 }
 
 /// A turn of the wind towards where the readings lie.
-pub(crate) fn aimed(turn_deg: f64, scale: Scale) -> Tried {
+pub(crate) fn aimed(turn_deg: f64, scale: Scale) -> Hypothesis {
     let id = MechanismId::WindDirectionOffset;
-    Tried {
+    Hypothesis {
         part: Part {
             id,
             platform: None,

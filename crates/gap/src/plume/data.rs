@@ -18,8 +18,8 @@ use super::fixes;
 use super::known_noise::KnownNoise;
 use super::logged::{self, WindLog};
 use super::model::{LEVELS, PlumeModel, Scale, Unknown};
-use super::own::{self, HELD};
 use super::rest::AtRest;
+use super::sensor_calibration::{self, HELD};
 use crate::GapError;
 
 /// How well logged heights are known, m: where a track touches a lid, one reading would otherwise
@@ -276,7 +276,7 @@ pub(crate) struct Data {
 }
 
 impl Data {
-    /// Rows of `observations` in the frame of `setup`; rows without place are left out.
+    /// Rows of `observations` in the frame of `setup`; rows without a place are ignored.
     pub fn new(setup: &Setup, observations: &Observations) -> Result<Self, GapError> {
         let mut notices = observations.notices.clone();
         let mut order: Vec<&ObservationRow> = observations.rows.iter().collect();
@@ -409,7 +409,7 @@ impl Data {
         let of_name = |name: &String| platforms.iter().position(|p| p == name);
         let reference = setup.reference.as_ref().and_then(of_name);
         let mut own = match reference {
-            Some(k) => own::against(&setup.base, network, k, platforms.len()),
+            Some(k) => sensor_calibration::against(&setup.base, network, k, platforms.len()),
             None => network,
         };
         let levels_held = reference.is_none() && !own.is_empty();
@@ -440,7 +440,7 @@ impl Data {
         let platforms = self.track.platforms().len();
         let level_sd = setup.level_sd(scale);
         let rows = self.middles();
-        Ok(own::own_zeros(
+        Ok(sensor_calibration::own_zeros(
             &setup.base,
             platforms,
             &rows,

@@ -15,7 +15,7 @@ const REMEMBERED: f64 = 5.0;
 /// steps of a record it is, whose sensor then met about as much in between.
 const LONGEST_STEP_S: f64 = 4.0;
 const USUAL_STEPS: f64 = 1.5;
-/// Part of the readings beyond which it is said that they are left out for that.
+/// Part of the readings beyond which the report says that they are ignored.
 const MANY_PART: f64 = 0.2;
 
 /// What is left of observations, if anything is, and what was wrong with them.
@@ -68,10 +68,10 @@ fn forget_unknown_air(data: &mut Data, time_constant_s: f64) {
             }
         }
     }
-    let left_out = before - data.used_count();
-    if left_out as f64 > MANY_PART * before as f64 {
+    let hold_out = before - data.used_count();
+    if hold_out as f64 > MANY_PART * before as f64 {
         data.notices.push(format!(
-            "{left_out} of {before} readings are ignored: for {wait_s:.0} s after the start of a track or a gap, \
+            "{hold_out} of {before} readings are ignored: for {wait_s:.0} s after the start of a track or a gap, \
              a sensor with a time constant of {time_constant_s} s still responds to unknown air"
         ));
     }

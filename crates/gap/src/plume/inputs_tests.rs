@@ -166,6 +166,6 @@ fn a_scenario_whose_wind_is_far_off_is_told() {
     let text = SCENARIO.replace("wind_from_deg = 250.0", "wind_from_deg = 215.0");
     let setup = Setup::new(&Scenario::parse("test.toml", &text).unwrap()).unwrap();
     let a = analyse(&setup, &unlogged, &Options::live(), &mut |_| ()).unwrap();
-    // The wind itself swings by 2.5 degrees, for half a minute at a time.
+    // The wind itself drifts by 2.5 degrees, for half a minute at a time.
     assert_turned(&a, 35.0, 2.5);
 }

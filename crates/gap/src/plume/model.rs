@@ -53,13 +53,13 @@ pub struct PlumeModel<'a> {
     aim: Option<(usize, f64)>,
     /// What the catalogue's concentrations are multiplied by.
     scale: Scale,
-    /// How the plume follows a swing.
-    swing: Swing,
+    /// How the plume follows an axis drift.
+    axis_drift: Swing,
     /// What the sensor of each platform has read, where that is known.
     has_read: &'a [f64],
 }
 
-/// How the plume follows a swing of the wind that no log shows.
+/// How the plume follows an axis drift of the wind that no log shows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Swing {
     /// All of it turns at once, as in a steady wind that is known badly.
@@ -176,7 +176,7 @@ impl<'a> PlumeModel<'a> {
             priors: Vec::new(),
             aim: None,
             scale: Scale::CATALOGUE,
-            swing: Swing::AtOnce,
+            axis_drift: Swing::AtOnce,
             has_read: &[],
         };
         for unknown in unknowns {
@@ -249,14 +249,14 @@ impl<'a> PlumeModel<'a> {
         out
     }
 
-    /// The same model whose plume follows a swing in this way.
-    pub(crate) fn following(self, swing: Swing) -> Self {
-        Self { swing, ..self }
+    /// The same model whose plume follows an axis drift in this way.
+    pub(crate) fn following(self, axis_drift: Swing) -> Self {
+        Self { axis_drift, ..self }
     }
 
-    /// How its plume follows a swing.
-    pub(crate) fn swing(&self) -> Swing {
-        self.swing
+    /// How its plume follows an axis drift.
+    pub(crate) fn axis_drift(&self) -> Swing {
+        self.axis_drift
     }
 
     /// The same model of another track.
@@ -355,17 +355,17 @@ impl<'a> PlumeModel<'a> {
         })
     }
 
-    /// What is stated of the unknowns of the `nearest` plume: the strength may be off by the error of form
+    /// What is stated of the unknowns of the `nearest` plume: the strength may be off by the discrepancy
     /// where c_MAX is stated, on the axis and when the plume was last met, or in the mean over time, as well.
     ///
     /// # Errors
     /// Values that the model refuses.
     pub fn stated(
         &self,
-        mut nearest: infer::Nearest,
+        mut nearest: infer::ClosestModel,
         believed: &infer::Posterior,
         in_the_mean: bool,
-    ) -> Result<infer::Nearest, InferError> {
+    ) -> Result<infer::ClosestModel, InferError> {
         let Some(k) = self.ln_strength() else {
             return Ok(nearest);
         };
@@ -384,7 +384,7 @@ impl<'a> PlumeModel<'a> {
             ..PlumePlace::default()
         };
         let on_axis = |at: &[f64]| self.axis_excess(at, distance_m).unwrap_or(f64::NAN);
-        let with_form = believed.at_place(met_s, |at, _| (0.0, on_axis(at), here));
+        let with_discrepancy = believed.at_place(met_s, |at, _| (0.0, on_axis(at), here));
         let value = on_axis(at);
         let slopes = (0..at.len()).map(|i| {
             let step = 0.01 * nearest.covariance[(i, i)].sqrt();
@@ -398,11 +398,11 @@ impl<'a> PlumeModel<'a> {
         });
         let slope = nalgebra::DVector::from_iterator(at.len(), slopes);
         let plain = (&nearest.covariance * &slope).dot(&slope).sqrt();
-        let grown = with_form.sd.hypot(with_form.value - value) / plain;
+        let grown = with_discrepancy.sd.hypot(with_discrepancy.value - value) / plain;
         if grown > 1.0 && grown.is_finite() {
-            // What the error of form adds there has nothing to do with the other unknowns.
+            // What the discrepancy adds there has nothing to do with the other unknowns.
             nearest.covariance[(k, k)] *= grown.powi(2);
-            nearest.beforehand[k] *= grown.powi(2);
+            nearest.prior[k] *= grown.powi(2);
         }
         Ok(nearest)
     }
@@ -550,7 +550,7 @@ impl ForwardModel for PlumeModel<'_> {
     }
 
     fn under_way_s(&self, row: usize) -> f64 {
-        match self.swing {
+        match self.axis_drift {
             Swing::AtOnce => 0.0,
             Swing::Carried => self.track.under_way_s(row, self.base.sources[0].place),
         }

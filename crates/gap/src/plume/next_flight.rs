@@ -1,7 +1,7 @@
 //! The next flight: where to fly so that rivals come apart between which the readings do not tell.
 //!
 //! Flights that could be flown are predicted under the first of the rivals and under each of the
-//! others; [`infer::Ahead`] tells by how much one would set them apart. The logarithm of the
+//! others; [`infer::PredictedReadings`] tells by how much one would set them apart. The logarithm of the
 //! likelihood ratio that a flight gives is normal with that mean m and variance 2 m; it settles the
 //! matter where it reaches ln 19.
 
@@ -12,14 +12,14 @@ mod ground_check;
 mod plans;
 
 use ::plume::mechanism::MechanismId;
-use infer::{Believed, Found, InferError, without};
+use infer::{FittedSet, InferError, NormalPosterior, without};
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use self::airspace::outside;
 use self::axis::PlumeAxis;
 use self::flown::{Air, Flight};
 use self::plans::{Plan, plans};
-use super::catalogue::Tried;
+use super::catalogue::Hypothesis;
 use super::model::PlumeModel;
 use super::{Options, Study, answer};
 use crate::verdict::NextFlight;
@@ -47,14 +47,14 @@ struct Rival<'s, 'a> {
     /// None of the set without that name.
     id: Option<MechanismId>,
     platform: Option<usize>,
-    found: &'s Found<PlumeModel<'a>>,
+    found: &'s FittedSet<PlumeModel<'a>>,
 }
 
 /// Rivals, and what is the same for all flights that could tell them apart.
 struct Matter<'s, 'a> {
     study: &'s Study<'a>,
     first: Rival<'s, 'a>,
-    others: Vec<(Rival<'s, 'a>, Believed)>,
+    others: Vec<(Rival<'s, 'a>, NormalPosterior)>,
     axis: PlumeAxis,
     air: Air,
     /// Who flies, where only one can tell.
@@ -150,13 +150,13 @@ fn open<'s, 'a>(study: &'s Study<'a>) -> Vec<Vec<Rival<'s, 'a>>> {
     let judged = &study.judged;
     let mut out: Vec<Vec<Rival<'s, 'a>>> = Vec::new();
     for (k, cause) in judged.causes.iter().enumerate() {
-        let rival = |(name, _): &(Tried, f64)| {
-            let mut names = judged.set.names.clone();
+        let rival = |(name, _): &(Hypothesis, f64)| {
+            let mut names = judged.set.mechanisms.clone();
             names[k] = name.clone();
             let found = study.found.iter().find(|f| f.is_same_set(&names))?;
             Some(Rival::new(found, name))
         };
-        let mut rivals: Vec<Rival<'_, '_>> = cause.names.iter().filter_map(rival).collect();
+        let mut rivals: Vec<Rival<'_, '_>> = cause.mechanisms.iter().filter_map(rival).collect();
         if !cause.is_sure(study.question.policy) {
             rivals.push(Rival {
                 id: None,
@@ -167,14 +167,15 @@ fn open<'s, 'a>(study: &'s Study<'a>) -> Vec<Vec<Rival<'s, 'a>>> {
         out.push(rivals);
     }
     let candidates = judged.candidates.iter();
-    let last =
-        |(found, _): &'s (Found<PlumeModel<'a>>, f64)| Some(Rival::new(found, found.names.last()?));
+    let last = |(found, _): &'s (FittedSet<PlumeModel<'a>>, f64)| {
+        Some(Rival::new(found, found.mechanisms.last()?))
+    };
     out.push(candidates.filter_map(last).collect());
     out
 }
 
 impl<'s, 'a> Rival<'s, 'a> {
-    fn new(found: &'s Found<PlumeModel<'a>>, name: &Tried) -> Self {
+    fn new(found: &'s FittedSet<PlumeModel<'a>>, name: &Hypothesis) -> Self {
         Self {
             id: Some(name.part.id),
             platform: name.part.platform,
@@ -268,7 +269,7 @@ impl<'s, 'a> Matter<'s, 'a> {
             &self.air,
         )?;
         let ahead = question.ahead(found, &found.model.on(&track), track.time_s())?;
-        let promise = |(rival, believed): &(Rival<'_, '_>, Believed)| {
+        let promise = |(rival, believed): &(Rival<'_, '_>, NormalPosterior)| {
             let there = rival.found.model.on(&track);
             // Where a rival's model refuses what the flight would ask of it, nothing is promised.
             Promise::new(ahead.separation(&there, believed).unwrap_or(0.0))

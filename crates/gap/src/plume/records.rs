@@ -5,7 +5,7 @@ use std::borrow::Cow;
 
 use ::plume::DispersionSpec;
 use ::plume::track::Track;
-use infer::{Fit, Found, InferError, PlumePlace, Policy, Problem, Question, Rows};
+use infer::{Fit, FittedSet, InferError, PlumePlace, Policy, Problem, Question, Rows};
 use scenario::observations::Observations;
 
 use super::data::{Data, Setup, mean_transport};
@@ -157,15 +157,15 @@ impl<'d> Records<'d> {
         Problem::new(model, rows, &self.policy, self.sensor_sd, asked)
     }
 
-    /// The base as a search finds it, and how its plume follows a swing.
+    /// The base as a search finds it, and how its plume follows an axis drift.
     pub(crate) fn searched(
         &self,
         model: &PlumeModel<'_>,
         carried: Option<Carried>,
     ) -> Result<(Fit, Swing), InferError> {
         let question = self.first_question();
-        let (found, swing) = wind::swinging(&question, model, carried, self.in_flight)?;
-        Ok((found.fit().clone(), swing))
+        let (found, axis_drift) = wind::swinging(&question, model, carried, self.in_flight)?;
+        Ok((found.fit().clone(), axis_drift))
     }
 
     /// The model of a setup without names, fitted.
@@ -174,9 +174,9 @@ impl<'d> Records<'d> {
         setup: &'t Setup,
         tracks: &'t [Track; 2],
         carried: Option<Carried>,
-    ) -> Result<Found<PlumeModel<'t>>, InferError> {
-        let (first, swing) = self.searched(&self.model(setup, &tracks[0]), carried)?;
-        let model = self.model(setup, &tracks[1]).following(swing);
+    ) -> Result<FittedSet<PlumeModel<'t>>, InferError> {
+        let (first, axis_drift) = self.searched(&self.model(setup, &tracks[0]), carried)?;
+        let model = self.model(setup, &tracks[1]).following(axis_drift);
         self.question().set_from(&model, Vec::new(), &first)
     }
 
@@ -187,7 +187,7 @@ impl<'d> Records<'d> {
     }
 }
 
-/// The rules for these data: a wind that nobody logs may swing as its stability class lets it, and one that is logged
+/// The rules for these data: a wind that nobody logs may turn the axis as far as its stability class lets it, and one that is logged
 /// at sensors at rest turns no further.
 fn policy_of(
     setup: &Setup,
@@ -200,12 +200,12 @@ fn policy_of(
     setup.noise.tell(sensor_sd, &mut policy);
     // A turn that grows has a name, where causes are named.
     if !setup.corrects {
-        policy.swing_slope_deg = policy.swing_slope_deg.min(policy.swing_mean_deg);
+        policy.axis_drift_slope_deg = policy.axis_drift_slope_deg.min(policy.axis_drift_mean_deg);
     }
     if !data.on_board_wind {
-        let swing_deg = setup.base.stability.sigma_theta_deg();
+        let axis_drift_deg = setup.base.stability.sigma_theta_deg();
         let tolerated = &mut policy.noise_tolerated;
-        tolerated.wander_deg = tolerated.wander_deg.max(swing_deg);
+        tolerated.wander_deg = tolerated.wander_deg.max(axis_drift_deg);
     }
     if let Some(rest) = data.rest.filter(|_| !in_flight) {
         rest.bind(&mut policy);

@@ -1,6 +1,6 @@
 //! What a report shows, as plain data.
 
-use infer::Found;
+use infer::FittedSet;
 use serde::Serialize;
 
 use super::Study;
@@ -53,7 +53,7 @@ pub struct GapReport {
     pub autocorrelation_after: Vec<f64>,
     /// Noise of the base: name, value, unit.
     pub noise: Vec<(String, f64, String)>,
-    /// Blocks left out: from, to, s, and gain of log score, nats.
+    /// Blocks held out: from, to, s, and gain of log score, nats.
     pub blocks: Vec<(f64, f64, f64)>,
     /// Source, m east and north.
     pub source_m: (f64, f64),
@@ -68,7 +68,7 @@ struct Shown {
     standardised: Vec<f64>,
 }
 
-fn shown(study: &Study<'_>, of: &Found<PlumeModel<'_>>) -> Shown {
+fn shown(study: &Study<'_>, of: &FittedSet<PlumeModel<'_>>) -> Shown {
     let fit = of.fit();
     let used = &study.data.used;
     let reading = fit.misfit.iter().zip(&study.data.reading_ppm).zip(used);
@@ -76,7 +76,7 @@ fn shown(study: &Study<'_>, of: &Found<PlumeModel<'_>>) -> Shown {
     let predicted = infer::ForwardModel::predict(&of.model, of.at(), &turns);
     let predicted = predicted.map(|p| p.reading).unwrap_or_default();
     Shown {
-        // With its error of form, as the misfit has it; without where nothing was read.
+        // With its discrepancy, as the misfit has it; without where nothing was read.
         reading: reading
             .enumerate()
             .map(|(i, ((misfit, read), used))| {

@@ -1,7 +1,7 @@
 //! Where and when the misfit of a model lives: mean residuals in bins along each coordinate, with
 //! their size in standard deviations of the noise model.
 
-use infer::Found;
+use infer::FittedSet;
 
 use super::Study;
 use super::model::PlumeModel;
@@ -29,7 +29,7 @@ pub(crate) fn wind_axes(study: &Study<'_>) -> (Vec<f64>, Vec<f64>) {
 /// The misfit of a set.
 struct Misfit<'a, 'b> {
     study: &'a Study<'b>,
-    of: &'a Found<PlumeModel<'b>>,
+    of: &'a FittedSet<PlumeModel<'b>>,
     whitened: Vec<f64>,
 }
 

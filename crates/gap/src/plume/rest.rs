@@ -10,7 +10,7 @@ use ::plume::track::Row;
 use infer::{Noise, Policy};
 
 use super::model::Unknown;
-use super::own::stands_at;
+use super::sensor_calibration::stands_at;
 
 /// Standard deviation of the wind's speed across that meanders at any stability, m/s (Hanna 1983, J. Climate Appl. Meteor.
 /// 22:1424).
@@ -18,7 +18,7 @@ const MEANDER_M_S: f64 = 0.5;
 /// It is known to this part.
 const MEANDER_PART: f64 = 0.5;
 /// The logged wind turns the axis beyond this no further, degrees: the rest is meander.
-const SWING_DEG: f64 = 0.1;
+const AXIS_DRIFT_DEG: f64 = 0.1;
 /// Standard deviation of one reading about the mean plume, as a part of it: crossings of a plume within a hundred metres
 /// differ by more than a factor of two, and most readings beside it hold nothing.
 const FLUCTUATION: f64 = 1.0;
@@ -59,11 +59,11 @@ impl AtRest {
 
     /// The rules in this air.
     pub(super) fn bind(self, policy: &mut Policy) {
-        policy.swing_sizes_deg = [SWING_DEG, 2.0 * SWING_DEG];
+        policy.axis_drift_sizes_deg = [AXIS_DRIFT_DEG, 2.0 * AXIS_DRIFT_DEG];
         policy.noise_median = Noise {
             fluctuation: FLUCTUATION,
             fluctuation_s: FLUCTUATION_S,
-            wander_deg: SWING_DEG,
+            wander_deg: AXIS_DRIFT_DEG,
             ..policy.noise_median
         };
         policy.noise_ln_sd[3] = FLUCTUATION_LN_SD;

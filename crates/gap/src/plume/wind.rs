@@ -2,7 +2,7 @@
 
 use ::plume::field::{LEAST_TRANSPORT_M_S, Transport};
 use ::plume::track::Track;
-use infer::{ForwardModel, Found, InferError, Question, SWING};
+use infer::{AXIS_DRIFT, FittedSet, ForwardModel, InferError, Question};
 
 use super::catalogue;
 use super::data::{Data, Setup, summand};
@@ -131,8 +131,8 @@ pub(crate) fn chosen(
     }
     // Where the readings lie elsewhere, a plume that is turned there tells which wind carried it.
     let still = PlumeModel::of(setup, &data.track, scale);
-    let beforehand: Vec<f64> = still.priors().iter().map(|p| p.mean).collect();
-    let contact = question.contact(&still, &beforehand)?;
+    let prior: Vec<f64> = still.priors().iter().map(|p| p.mean).collect();
+    let contact = question.contact(&still, &prior)?;
     let aim_deg = contact.filter(elsewhere).map(|c| c.turn_deg.value);
     let tried = if in_flight {
         &TRIED_IN_FLIGHT[..]
@@ -161,19 +161,19 @@ pub(crate) fn chosen(
     Ok(best.map(|b| b.1))
 }
 
-/// The base, and how its plume follows a swing that no log shows: as air does where the logged wind is
+/// The base, and how its plume follows an axis drift that no log shows: as air does where the logged wind is
 /// seen to carry it so; else as the readings are explained best. In flight, where little time is to be had,
-/// all of it turns at once unless they ask for a swing.
+/// all of it turns at once unless they ask for an axis drift.
 pub(crate) fn swinging<'a>(
     question: &Question<'_>,
     model: &PlumeModel<'a>,
     carried: Option<Carried>,
     in_flight: bool,
-) -> Result<(Found<PlumeModel<'a>>, Swing), InferError> {
-    let base = |swing| question.base(&model.clone().following(swing));
+) -> Result<(FittedSet<PlumeModel<'a>>, Swing), InferError> {
+    let base = |axis_drift| question.base(&model.clone().following(axis_drift));
     if in_flight && !matches!(carried, Some(Carried::OnItsWay(_))) {
         let at_once = base(Swing::AtOnce)?;
-        if at_once.likeliest_sizes()[SWING] == 0.0 {
+        if at_once.likeliest_sizes()[AXIS_DRIFT] == 0.0 {
             return Ok((at_once, Swing::AtOnce));
         }
     }
@@ -181,7 +181,7 @@ pub(crate) fn swinging<'a>(
         Some(Carried::OnItsWay(_)) => &[Swing::Carried][..],
         _ => &[Swing::AtOnce, Swing::Carried],
     };
-    let found = infer::parallel_map(possible, |swing| Ok((base(*swing)?, *swing)));
+    let found = infer::parallel_map(possible, |axis_drift| Ok((base(*axis_drift)?, *axis_drift)));
     let found = found.into_iter().collect::<Result<Vec<_>, InferError>>()?;
     let best = found
         .into_iter()

@@ -9,7 +9,7 @@
 
 use super::parameters::Unknowns;
 use super::peak::{AtCrossing, Predicted};
-use infer::Nearest;
+use infer::ClosestModel;
 use plume::{DispersionSpec, MechanismId, Strength};
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
 
@@ -171,7 +171,12 @@ impl Meander {
     }
 
     /// The unknowns in the mean over meanders.
-    pub fn in_the_mean(&self, unknowns: &Unknowns, base: &DispersionSpec, stated: &mut Nearest) {
+    pub fn in_the_mean(
+        &self,
+        unknowns: &Unknowns,
+        base: &DispersionSpec,
+        stated: &mut ClosestModel,
+    ) {
         use MechanismId as M;
         let ln_wider = 0.5 * self.seen.ln_1p();
         let ratio = self.may_be.sqrt();
@@ -212,7 +217,7 @@ impl Meander {
             {
                 stated.mean[k] += shift;
                 stated.covariance[(k, k)] += sd * sd;
-                stated.beforehand[k] += sd * sd;
+                stated.prior[k] += sd * sd;
             }
         }
     }

@@ -25,7 +25,7 @@ use crate::WsError;
 use air::geo::Enu;
 use air::wind::WindVector;
 use gap::plume::{Averaging, Carried, PlumeModel, ROWS_OF_A_SEARCH, Records, Setup, plume_place};
-use infer::{InferError, LearnedNoise, Nearest, PlumePlace, Posterior, Problem};
+use infer::{ClosestModel, InferError, LearnedNoise, PlumePlace, Posterior, Problem};
 use meander::{Line, Meander};
 use nalgebra::{DMatrix, DVector};
 use parameters::Unknowns;
@@ -402,7 +402,7 @@ impl Calibrator {
         let meander = Meander::of(&self.predicted, self.width_deg());
         self.meander = meander.map(|m| if self.concludes { m } else { m.as_seen() });
         let stated = model.stated(nearest, &posterior, self.meander.is_some())?;
-        (self.covariance, self.beforehand) = (stated.covariance, stated.beforehand);
+        (self.covariance, self.beforehand) = (stated.covariance, stated.prior);
         self.posterior = Some(posterior);
         self.turn = self.mean_turn();
         self.in_the_mean = self.averaged();
@@ -570,10 +570,10 @@ impl Calibrator {
 
     /// The unknowns in the mean over meanders, with what the scenario says of them beforehand.
     fn averaged(&self) -> (DVector<f64>, DMatrix<f64>) {
-        let mut stated = Nearest {
+        let mut stated = ClosestModel {
             mean: self.estimate.clone(),
             covariance: self.covariance.clone(),
-            beforehand: self.beforehand.clone(),
+            prior: self.beforehand.clone(),
         };
         // Without a swing the axis is the unknown alone, as the gap has it.
         if let Some((k, turn)) = self.axis_index().zip(self.turn) {
@@ -598,7 +598,7 @@ impl Calibrator {
 
     fn mean_turn(&self) -> Option<infer::Estimate> {
         let times_s: Vec<f64> = self.moments().iter().map(|m| m.time_s).collect();
-        let posterior = self.posterior.as_ref().filter(|p| p.has_swing())?;
+        let posterior = self.posterior.as_ref().filter(|p| p.has_axis_drift())?;
         Some(posterior.mean_turn(&times_s, self.axis_index()))
     }
 

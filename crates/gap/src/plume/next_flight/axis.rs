@@ -4,7 +4,7 @@ use ::plume::effects::HOUR_S;
 use ::plume::field::{Place, Transport};
 use ::plume::mechanism::MechanismId;
 use air::geo::Enu;
-use infer::Found;
+use infer::FittedSet;
 
 use super::super::Study;
 use super::super::data::{Setup, mean_transport};
@@ -21,7 +21,7 @@ pub(super) struct PlumeAxis {
 
 impl PlumeAxis {
     /// As a set has it at `time_s` if the wind stays what it was in the mean.
-    pub fn of(study: &Study<'_>, found: &Found<PlumeModel<'_>>, time_s: f64) -> Self {
+    pub fn of(study: &Study<'_>, found: &FittedSet<PlumeModel<'_>>, time_s: f64) -> Self {
         let wind = mean_transport(
             found.model.track().transport(),
             &vec![1.0; study.data.len()],

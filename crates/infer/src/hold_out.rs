@@ -1,14 +1,14 @@
-//! What the other passes say of one that was left out: what is expected there, and how well.
+//! What the other passes say of one that was held out: what is expected there, and how well.
 
 use crate::InferError;
+use crate::discrepancy::{AXIS_DRIFT, Sizes};
 use crate::evidence::{Evidence, Known, Products};
-use crate::form::{SWING, Sizes};
-use crate::names::{Catalogue, Found, Question};
+use crate::mechanism_search::{Catalogue, FittedSet, Question};
 use crate::parallel_map::parallel_map;
 use crate::rows::Prediction;
 use std::ops::Range;
 
-/// A left-out pass meets a plume that swings anywhere: turns over which its mean is taken, to so many
+/// A held-out pass meets a plume that drifts anywhere: turns over which its mean is taken, to so many
 /// standard deviations on both sides, and the number of them.
 const REACH_SD: f64 = 2.5;
 const TURNS: usize = 15;
@@ -40,13 +40,13 @@ impl ByPass {
     }
 
     /// What each pass says of itself when the others are known, nats.
-    pub fn left_out(&self) -> Vec<f64> {
+    pub fn hold_out(&self) -> Vec<f64> {
         let n = self.products.len();
         let all = self.ln(&vec![1.0; n]);
         (0..n).map(|k| all - self.ln(&all_but(n, k))).collect()
     }
 
-    /// The step of the unknowns from the fit's point where a pass is left out.
+    /// The step of the unknowns from the fit's point where a pass is held out.
     fn step_without(&self, k: usize, coordinates: &[usize]) -> Option<Vec<f64>> {
         let sum = self.sum(&all_but(self.products.len(), k));
         let coordinates = coordinates.iter().copied();
@@ -62,7 +62,7 @@ fn all_but(n: usize, k: usize) -> Vec<f64> {
     times
 }
 
-/// What is expected of passes by what the others say, without any error of form: what an extended
+/// What is expected of passes by what the others say, without any discrepancy: what an extended
 /// model alone is worth.
 #[derive(Debug, Clone, Default)]
 pub struct Expected {
@@ -77,7 +77,7 @@ pub struct Expected {
 impl Question<'_> {
     pub(crate) fn by_pass<M: Catalogue>(
         &self,
-        of: &Found<M>,
+        of: &FittedSet<M>,
         passes: &[Vec<Range<usize>>],
     ) -> Result<ByPass, InferError> {
         let problem = self.beside(of, &of.model);
@@ -92,16 +92,16 @@ impl Question<'_> {
         })
     }
 
-    /// What sets without and with a name expect of every pass when they have seen only the others: both for an
-    /// axis that is as unknown as with the name. Else a set that follows a swing would be blurred alone, or one
-    /// that explains a swing for the other's sake.
+    /// What sets without and with a mechanism expect of every pass when they have seen only the others: both for an
+    /// axis that is as unknown as with the mechanism. Else a set that follows an axis drift would be blurred alone, or one
+    /// that explains an axis drift for the other's sake.
     ///
     /// # Errors
     /// Values that the model refuses.
     pub fn compared<M: Catalogue>(
         &self,
-        without: &Found<M>,
-        with: &Found<M>,
+        without: &FittedSet<M>,
+        with: &FittedSet<M>,
         passes: &[Vec<Range<usize>>],
     ) -> Result<[Expected; 2], InferError> {
         let sd_deg = self.unseen_deg(with);
@@ -111,9 +111,9 @@ impl Question<'_> {
         ])
     }
 
-    /// How much the axis may be off in a pass that nobody has seen: its swing and its wander, degrees.
-    fn unseen_deg<M: Catalogue>(&self, of: &Found<M>) -> f64 {
-        of.likeliest_sizes()[SWING].hypot(of.fit().noise.wander_deg)
+    /// How much the axis may be off in a pass that nobody has seen: its axis drift and its wander, degrees.
+    fn unseen_deg<M: Catalogue>(&self, of: &FittedSet<M>) -> f64 {
+        of.likeliest_sizes()[AXIS_DRIFT].hypot(of.fit().noise.wander_deg)
     }
 
     /// What a set expects of every pass when it has seen only the others and the axis may be off by
@@ -123,7 +123,7 @@ impl Question<'_> {
     /// Values that the model refuses.
     fn expected<M: Catalogue>(
         &self,
-        of: &Found<M>,
+        of: &FittedSet<M>,
         passes: &[Vec<Range<usize>>],
         sd_deg: f64,
     ) -> Result<Expected, InferError> {
@@ -141,7 +141,7 @@ impl Question<'_> {
         let mut out = Expected {
             reading: vec![0.0; n],
             plume: vec![0.0; n],
-            ln: by_pass.left_out(),
+            ln: by_pass.hold_out(),
         };
         let steps: Vec<usize> = (0..passes.len()).collect();
         let predicted = |k: &usize| -> Result<Vec<Prediction>, InferError> {

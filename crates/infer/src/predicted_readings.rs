@@ -1,4 +1,4 @@
-//! Readings that are yet to be taken: how far they would set two sets of names apart.
+//! Readings that are yet to be taken: how far they would set two sets of mechanisms apart.
 //!
 //! The separation of a second set from a first is the whitened distance of what the two expect, once
 //! the second has moved its unknowns as far as what it knows of them and the noise let it:
@@ -6,20 +6,20 @@
 //! > min over θ of ½ |W (first − second(θ))|² + ½ (θ − θ₀)ᵀ C⁻¹ (θ − θ₀),
 //!
 //! with θ₀ and C the second's values and their covariance. This is a fit to what the first expects, in
-//! coordinates in which θ₀ is nothing and C is one; swing and error of form have weights of their own
+//! coordinates in which θ₀ is nothing and C is one; axis drift and discrepancy have weights of their own
 //! there. If the first set is the truth, the logarithm of the likelihood ratio is then normal with
 //! mean m and variance 2 m, where m is the separation.
 
 use crate::InferError;
+use crate::discrepancy::{Basis, Sizes};
 use crate::fit::{Point, Problem};
-use crate::form::{Basis, Sizes};
-use crate::names::{Catalogue, Found, Question};
+use crate::mechanism_search::{Catalogue, FittedSet, Question};
 use crate::noise::{Loadings, Noise};
 use crate::rows::{ForwardModel, PlumePlace, Prediction, Prior, Rows};
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 /// Readings yet to be taken, as one set expects them.
-pub struct Ahead<'a> {
+pub struct PredictedReadings<'a> {
     question: Question<'a>,
     /// What the set expects, in the place of what is measured.
     rows: Rows,
@@ -29,9 +29,9 @@ pub struct Ahead<'a> {
     loadings: Loadings,
 }
 
-/// What a set knows of its unknowns, and how large it takes error of form, swing and noise to be.
+/// What a set knows of its unknowns, and how large it takes discrepancy, axis drift and noise to be.
 #[derive(Debug, Clone)]
-pub struct Believed {
+pub struct NormalPosterior {
     at: DVector<f64>,
     /// Lower triangle whose product with itself transposed is the covariance.
     root: DMatrix<f64>,
@@ -39,7 +39,7 @@ pub struct Believed {
     noise: Noise,
 }
 
-impl Believed {
+impl NormalPosterior {
     fn new(
         at: &[f64],
         covariance: DMatrix<f64>,
@@ -67,9 +67,9 @@ impl<'a> Question<'a> {
     ///
     /// # Errors
     /// A problem that has no posterior.
-    pub fn believed<M: Catalogue>(&self, of: &Found<M>) -> Result<Believed, InferError> {
+    pub fn believed<M: Catalogue>(&self, of: &FittedSet<M>) -> Result<NormalPosterior, InferError> {
         let covariance = self.posterior(of)?.covariance();
-        Believed::new(of.at(), covariance, of.likeliest_sizes(), of.fit().noise)
+        NormalPosterior::new(of.at(), covariance, of.likeliest_sizes(), of.fit().noise)
     }
 
     /// Readings of one sensor at `time_s`, as a set expects them; `there` is its model of where they
@@ -79,10 +79,10 @@ impl<'a> Question<'a> {
     /// Values that the model refuses, and times that do not grow.
     pub fn ahead<M: Catalogue>(
         &self,
-        first: &Found<M>,
+        first: &FittedSet<M>,
         there: &impl ForwardModel,
         time_s: &[f64],
-    ) -> Result<Ahead<'a>, InferError> {
+    ) -> Result<PredictedReadings<'a>, InferError> {
         let n = time_s.len();
         let expected = there.predict(first.at(), &vec![0.0; n])?.reading;
         let unstated = vec![f64::NAN; n];
@@ -101,7 +101,7 @@ impl<'a> Question<'a> {
         let basis = problem.basis(&at(0))?;
         let noise = first.fit().noise;
         let loadings = problem.loadings(&at(basis.len()), &basis, &noise)?;
-        Ok(Ahead {
+        Ok(PredictedReadings {
             question: *self,
             sizes: first.likeliest_sizes(),
             basis,
@@ -112,7 +112,7 @@ impl<'a> Question<'a> {
     }
 }
 
-impl Ahead<'_> {
+impl PredictedReadings<'_> {
     /// Nats by which the readings would separate a second set from the one that expects them; `there`
     /// is its model of where they will be taken.
     ///
@@ -121,7 +121,7 @@ impl Ahead<'_> {
     pub fn separation(
         &self,
         there: &impl ForwardModel,
-        believed: &Believed,
+        believed: &NormalPosterior,
     ) -> Result<f64, InferError> {
         let unknowns = believed.at.len();
         let model = Moved {
@@ -157,7 +157,7 @@ fn larger(a: &Noise, b: &Noise) -> Noise {
 /// A model in coordinates in which what is known of its unknowns is standard normal.
 struct Moved<'m, M> {
     model: &'m M,
-    believed: &'m Believed,
+    believed: &'m NormalPosterior,
     priors: Vec<Prior>,
 }
 
@@ -191,7 +191,7 @@ impl<M: ForwardModel> ForwardModel for Moved<'_, M> {
 mod tests {
     use super::*;
     use crate::Policy;
-    use crate::form::COORDINATES;
+    use crate::discrepancy::COORDINATES;
 
     const NOISE: Noise = Noise {
         white: 2.0,
@@ -272,14 +272,14 @@ mod tests {
             plume: vec![0.0; ROWS],
             per_degree: vec![0.0; ROWS],
         };
-        let ahead = Ahead {
+        let ahead = PredictedReadings {
             question: Question {
                 rows: &rows,
                 policy: &policy,
                 sensor_sd: 1.0,
                 asked: &[],
             },
-            basis: problem.turning.swing.clone(),
+            basis: problem.turning.axis_drift.clone(),
             sizes: [0.0; COORDINATES],
             noise: NOISE,
             loadings: none,
@@ -287,7 +287,7 @@ mod tests {
         };
         let at = [0.5, -2.0];
         let believed = |covariance: &DMatrix<f64>| {
-            Believed::new(&at, covariance.clone(), [0.0; COORDINATES], NOISE).unwrap()
+            NormalPosterior::new(&at, covariance.clone(), [0.0; COORDINATES], NOISE).unwrap()
         };
         let there = second.predict(&at, &[0.0; ROWS]).unwrap().reading;
         let apart = DVector::from_vec(expected) - DVector::from_vec(there);

@@ -1,6 +1,6 @@
-//! The plume without an error of form that is nearest to what is believed.
+//! The plume without a discrepancy that is nearest to what is believed.
 //!
-//! An error of form and the unknowns may do the same, so that the readings do not tell which of them does it
+//! A discrepancy and the unknowns may do the same, so that the readings do not tell which of them does it
 //! (Brynjarsdóttir and O'Hagan 2014). The plume of the model's own form that is nearest to both together, by
 //! least squares over the readings, they do tell (Tuo and Wu 2015). A plume that is to be flown in as it
 //! stands has to be this one.
@@ -16,18 +16,18 @@ use std::ops::Range;
 
 /// The unknowns of the nearest plume.
 #[derive(Debug, Clone)]
-pub struct Nearest {
+pub struct ClosestModel {
     /// Mean.
     pub mean: DVector<f64>,
     /// Covariance.
     pub covariance: DMatrix<f64>,
-    /// Variances before any reading: those of the priors, and what an error of form may add.
-    pub beforehand: DVector<f64>,
+    /// Variances before any reading: those of the priors, and what a discrepancy may add.
+    pub prior: DVector<f64>,
 }
 
-impl Nearest {
+impl ClosestModel {
     /// The same where what is known beforehand, `prior_mean` and `prior_sd`, is known of this plume: of unknowns to which an
-    /// error of form or a meander adds, a posterior that knows it of the unknowns alone forgets a part. Errors of form and
+    /// discrepancy or a meander adds, a posterior that knows it of the unknowns alone forgets a part. Discrepancies and
     /// unknowns so are independent where it counts (Plumlee 2017).
     #[must_use]
     pub fn known_beforehand(self, prior_mean: &DVector<f64>, prior_sd: &DVector<f64>) -> Self {
@@ -35,7 +35,7 @@ impl Nearest {
             return self;
         };
         let forgotten = DVector::from_fn(prior_sd.len(), |k, _| {
-            (prior_sd[k].powi(-2) - self.beforehand[k].recip()).max(0.0)
+            (prior_sd[k].powi(-2) - self.prior[k].recip()).max(0.0)
         });
         let mut precision = told.inverse();
         let pull = &precision * &self.mean + forgotten.component_mul(prior_mean);
@@ -44,7 +44,7 @@ impl Nearest {
             Some(precision) => Self {
                 mean: precision.solve(&pull),
                 covariance: precision.inverse(),
-                beforehand: prior_sd.map(|sd| sd * sd),
+                prior: prior_sd.map(|sd| sd * sd),
             },
             None => self,
         }
@@ -52,13 +52,13 @@ impl Nearest {
 }
 
 impl<M: ForwardModel> Problem<'_, M> {
-    /// The unknowns of the plume without an error of form that is nearest to what is believed. Their
+    /// The unknowns of the plume without a discrepancy that is nearest to what is believed. Their
     /// standard deviations are at least those of its scatter from pass to pass, which other passes of
     /// the same plume would have as well (White 1982).
     ///
     /// # Errors
     /// Values that the model refuses.
-    pub fn nearest(&self, to: &Posterior) -> Result<Nearest, InferError> {
+    pub fn nearest(&self, to: &Posterior) -> Result<ClosestModel, InferError> {
         let fit = to.fit();
         let (known, by_pass) = self.by_pass(fit)?;
         let layout = &known.layout;
@@ -74,19 +74,19 @@ impl<M: ForwardModel> Problem<'_, M> {
         let mut worth = DMatrix::zeros(n, layout.tried);
         worth.columns_mut(first, n).fill_with_identity();
         let mut weights = DVector::zeros(layout.columns);
-        let of_form = layout.weights.iter().zip(&fit.point.weights);
-        for (place, weight) in of_form.take(fit.basis.of_form()) {
+        let of_discrepancy = layout.weights.iter().zip(&fit.point.weights);
+        for (place, weight) in of_discrepancy.take(fit.basis.of_discrepancy()) {
             worth.set_column(*place, &precision.solve(&change.column(*place)));
             weights[*place] = *weight;
         }
         let step = to.step();
         let nearest = &worth * (weights.rows(0, layout.tried) + &step);
         let mut covariance = to.covariance_of(&worth);
-        let beforehand = to.variance_beforehand(&worth);
+        let prior = to.prior_variance(&worth);
         // The misfit of that plume pulls each pass elsewhere.
         let mut from_here = -weights;
         for (place, k) in layout.weights.iter().zip(0..) {
-            if k >= fit.basis.of_form() {
+            if k >= fit.basis.of_discrepancy() {
                 from_here[*place] = step[*place];
             }
         }
@@ -103,14 +103,14 @@ impl<M: ForwardModel> Problem<'_, M> {
             let square: f64 = pulls.iter().map(|p| (p[k] - mean[k]).powi(2)).sum();
             let scatter = square * count / (count - 1.0).max(1.0);
             let variance = covariance[(k, k)];
-            let grown = widened(variance, beforehand[k], scatter / variance);
+            let grown = widened(variance, prior[k], scatter / variance);
             covariance.row_mut(k).scale_mut(grown);
             covariance.column_mut(k).scale_mut(grown);
         }
-        Ok(Nearest {
+        Ok(ClosestModel {
             mean: DVector::from_column_slice(&fit.point.at) + nearest,
             covariance,
-            beforehand,
+            prior,
         })
     }
 

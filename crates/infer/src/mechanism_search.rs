@@ -1,17 +1,17 @@
-//! The search over sets of names: which of a catalogue's causes, alone or together, explain the
-//! readings better than the base with its error of form does.
+//! The search over sets of mechanisms: which of a catalogue's causes, alone or together, explain the
+//! readings better than the base with its discrepancy does.
 //!
 //! From a fit every cause is tried as further columns of the linear problem there, under all sizes
-//! of the error of form that count; the most promising are fitted, and from each of these the next is
+//! of the discrepancy that count; the most promising are fitted, and from each of these the next is
 //! looked for (a beam search).
 
 use crate::InferError;
+use crate::closest_model::ClosestModel;
 use crate::contact::Contact;
+use crate::discrepancy::Sizes;
 use crate::evidence::{Evidence, Reduced};
 use crate::fit::{Fit, Point, Problem};
 use crate::fluctuation::FluctuationLaw;
-use crate::form::Sizes;
-use crate::nearest::Nearest;
 use crate::parallel_map::parallel_map;
 use crate::policy::Policy;
 use crate::posterior::{Posterior, REFITS, Weighed};
@@ -38,17 +38,17 @@ pub struct Start {
 /// A model that can be extended by causes.
 pub trait Catalogue: ForwardModel + Clone + Send {
     /// A cause with a start of its search.
-    type Tried: Clone + Send + Sync;
+    type Hypothesis: Clone + Send + Sync;
 
     /// Where the search starts.
-    fn start(tried: &Self::Tried) -> &Start;
+    fn start(tried: &Self::Hypothesis) -> &Start;
 
     /// Whether two are starts of the same cause.
-    fn same_cause(a: &Self::Tried, b: &Self::Tried) -> bool;
+    fn same_cause(a: &Self::Hypothesis, b: &Self::Hypothesis) -> bool;
 
     /// The model with the unknowns of a cause as its last.
     #[must_use]
-    fn with(&self, tried: &Self::Tried) -> Self;
+    fn with(&self, tried: &Self::Hypothesis) -> Self;
 
     /// Readings expected with the unknowns of a further cause at `end`.
     ///
@@ -58,7 +58,7 @@ pub trait Catalogue: ForwardModel + Clone + Send {
         &self,
         at: &[f64],
         turn_deg: &[f64],
-        tried: &Self::Tried,
+        tried: &Self::Hypothesis,
         end: &[f64],
     ) -> Result<Prediction, InferError>;
 
@@ -72,7 +72,7 @@ pub trait Catalogue: ForwardModel + Clone + Send {
     }
 }
 
-/// What is the same for all sets of names.
+/// What is the same for all sets of mechanisms.
 #[derive(Debug, Clone, Copy)]
 pub struct Question<'a> {
     /// The readings.
@@ -85,18 +85,18 @@ pub struct Question<'a> {
     pub asked: &'a [PlumePlace],
 }
 
-/// A set of names, fitted.
+/// A set of mechanisms, fitted.
 #[derive(Debug, Clone)]
-pub struct Found<M: Catalogue> {
-    /// The names; none for the base.
-    pub names: Vec<M::Tried>,
+pub struct FittedSet<M: Catalogue> {
+    /// The mechanisms; none for the base.
+    pub mechanisms: Vec<M::Hypothesis>,
     /// The model with their unknowns as its last.
     pub model: M,
     pub(crate) weighed: Weighed,
     pub(crate) ln_prior: f64,
 }
 
-impl<M: Catalogue> Found<M> {
+impl<M: Catalogue> FittedSet<M> {
     /// Logarithm of evidence and prior, nats, up to a constant of the readings.
     pub fn ln_score(&self) -> f64 {
         self.weighed.ln_evidence + self.ln_prior
@@ -112,7 +112,7 @@ impl<M: Catalogue> Found<M> {
         &self.weighed.fit.point.at
     }
 
-    /// Sizes of error of form and swing that are likeliest.
+    /// Sizes of discrepancy and axis drift that are likeliest.
     pub fn likeliest_sizes(&self) -> Sizes {
         self.weighed.likeliest_sizes()
     }
@@ -122,30 +122,30 @@ impl<M: Catalogue> Found<M> {
         &self.weighed.fit
     }
 
-    /// Whether it has the same names as another set, in any order.
-    pub fn is_same_set(&self, names: &[M::Tried]) -> bool {
-        self.names.len() == names.len() && names.iter().all(|n| self.has(n))
+    /// Whether it has the same mechanisms as another set, in any order.
+    pub fn is_same_set(&self, mechanisms: &[M::Hypothesis]) -> bool {
+        self.mechanisms.len() == mechanisms.len() && mechanisms.iter().all(|n| self.has(n))
     }
 
-    /// Whether a cause is among its names.
-    pub fn has(&self, tried: &M::Tried) -> bool {
-        self.names.iter().any(|n| M::same_cause(n, tried))
+    /// Whether a cause is among its mechanisms.
+    pub fn has(&self, tried: &M::Hypothesis) -> bool {
+        self.mechanisms.iter().any(|n| M::same_cause(n, tried))
     }
 }
 
-/// The base: the set without names, which is always among those that a search found.
-pub(crate) fn base_of<M: Catalogue>(found: &[Found<M>]) -> usize {
-    let base = found.iter().position(|f| f.names.is_empty());
+/// The base: the set without mechanisms, which is always among those that a search found.
+pub(crate) fn base_of<M: Catalogue>(found: &[FittedSet<M>]) -> usize {
+    let base = found.iter().position(|f| f.mechanisms.is_empty());
     base.unwrap_or(0)
 }
 
-/// The likeliest of the sets that a search found with none but the names of `set` without that at `k`, the base among them.
-pub fn without<M: Catalogue>(found: &[Found<M>], set: &Found<M>, k: usize) -> usize {
-    let is_other = |n: &M::Tried| {
-        let mut names = set.names.iter().enumerate();
-        names.any(|(j, o)| j != k && M::same_cause(n, o))
+/// The likeliest of the sets that a search found with none but the mechanisms of `set` without that at `k`, the base among them.
+pub fn without<M: Catalogue>(found: &[FittedSet<M>], set: &FittedSet<M>, k: usize) -> usize {
+    let is_other = |n: &M::Hypothesis| {
+        let mut mechanisms = set.mechanisms.iter().enumerate();
+        mechanisms.any(|(j, o)| j != k && M::same_cause(n, o))
     };
-    let within = |f: &Found<M>| f.names.iter().all(is_other);
+    let within = |f: &FittedSet<M>| f.mechanisms.iter().all(is_other);
     found.iter().position(within).unwrap_or(0)
 }
 
@@ -170,8 +170,12 @@ impl<'a> Question<'a> {
         Problem::new(model, self.rows, self.policy, self.sensor_sd, self.asked)
     }
 
-    /// The problem of a model that is that of a set, or differs from it in names.
-    pub(crate) fn beside<'m, M: Catalogue>(&self, found: &Found<M>, model: &'m M) -> Problem<'m, M>
+    /// The problem of a model that is that of a set, or differs from it in mechanisms.
+    pub(crate) fn beside<'m, M: Catalogue>(
+        &self,
+        found: &FittedSet<M>,
+        model: &'m M,
+    ) -> Problem<'m, M>
     where
         'a: 'm,
     {
@@ -186,7 +190,7 @@ impl<'a> Question<'a> {
         }
     }
 
-    /// Log evidence of a model without any error of form, after a quick fit: to choose between winds.
+    /// Log evidence of a model without any discrepancy, after a quick fit: to choose between winds.
     ///
     /// # Errors
     /// Values that the model refuses.
@@ -194,41 +198,41 @@ impl<'a> Question<'a> {
         Ok(self.problem(model).quick()?.ln_evidence)
     }
 
-    /// The base: the model itself with its error of form.
+    /// The base: the model itself with its discrepancy.
     ///
     /// # Errors
     /// Values that the model refuses.
-    pub fn base<M: Catalogue>(&self, model: &M) -> Result<Found<M>, InferError> {
-        Ok(Found {
-            names: Vec::new(),
+    pub fn base<M: Catalogue>(&self, model: &M) -> Result<FittedSet<M>, InferError> {
+        Ok(FittedSet {
+            mechanisms: Vec::new(),
             weighed: self.problem(model).weighed()?,
             model: model.clone(),
             ln_prior: 0.0,
         })
     }
 
-    /// A set from where a fit of some of the same readings came to; `model` has the unknowns of its names as its
-    /// last. The base is the set without names.
+    /// A set from where a fit of some of the same readings came to; `model` has the unknowns of its mechanisms as its
+    /// last. The base is the set without mechanisms.
     ///
     /// # Errors
     /// Values that the model refuses.
     pub fn set_from<M: Catalogue>(
         &self,
         model: &M,
-        names: Vec<M::Tried>,
+        mechanisms: Vec<M::Hypothesis>,
         before: &Fit,
-    ) -> Result<Found<M>, InferError> {
-        Ok(Found {
+    ) -> Result<FittedSet<M>, InferError> {
+        Ok(FittedSet {
             weighed: self.problem(model).refined(before)?,
             model: model.clone(),
-            ln_prior: names.iter().map(|n| self.ln_prior::<M>(n)).sum(),
-            names,
+            ln_prior: mechanisms.iter().map(|n| self.ln_prior::<M>(n)).sum(),
+            mechanisms,
         })
     }
 
-    /// How probable a name is beforehand, in the sense of its directions that has a meaning.
-    fn ln_prior<M: Catalogue>(&self, name: &M::Tried) -> f64 {
-        let start = M::start(name);
+    /// How probable a mechanism is beforehand, in the sense of its directions that has a meaning.
+    fn ln_prior<M: Catalogue>(&self, mechanism: &M::Hypothesis) -> f64 {
+        let start = M::start(mechanism);
         let sides = if start.one_sided {
             std::f64::consts::LN_2
         } else {
@@ -237,16 +241,20 @@ impl<'a> Question<'a> {
         start.ln_prior + sides + self.policy.ln_name
     }
 
-    /// A set whose one name is in `model` already, fitted from that model's own starts.
+    /// A set whose one mechanism is in `model` already, fitted from that model's own starts.
     ///
     /// # Errors
     /// Values that the model refuses.
-    pub fn named<M: Catalogue>(&self, model: &M, name: &M::Tried) -> Result<Found<M>, InferError> {
-        Ok(Found {
-            names: vec![name.clone()],
+    pub fn named<M: Catalogue>(
+        &self,
+        model: &M,
+        mechanism: &M::Hypothesis,
+    ) -> Result<FittedSet<M>, InferError> {
+        Ok(FittedSet {
+            mechanisms: vec![mechanism.clone()],
             weighed: self.problem(model).weighed()?,
             model: model.clone(),
-            ln_prior: self.ln_prior::<M>(name),
+            ln_prior: self.ln_prior::<M>(mechanism),
         })
     }
 
@@ -262,11 +270,11 @@ impl<'a> Question<'a> {
         self.problem(model).contact(at, self.policy.passes)
     }
 
-    /// The same set with no more error of form, swing and noise than is tolerated.
+    /// The same set with no more discrepancy, axis drift and noise than is tolerated.
     ///
     /// # Errors
     /// Values that the model refuses.
-    pub fn plain<M: Catalogue>(&self, of: &Found<M>) -> Result<Found<M>, InferError> {
+    pub fn plain<M: Catalogue>(&self, of: &FittedSet<M>) -> Result<FittedSet<M>, InferError> {
         self.restricted(
             of,
             &self.policy.tolerated_sizes(&of.likeliest_sizes()),
@@ -277,8 +285,8 @@ impl<'a> Question<'a> {
     /// The same of log-normal fluctuation, from where a set without it came to; no more of it than is tolerated.
     pub(crate) fn log_normal<M: Catalogue>(
         &self,
-        plain: &Found<M>,
-    ) -> Result<Found<M>, InferError> {
+        plain: &FittedSet<M>,
+    ) -> Result<FittedSet<M>, InferError> {
         let problem = Problem {
             fluctuation: FluctuationLaw::LogNormal,
             ..self.beside(plain, &plain.model)
@@ -302,20 +310,20 @@ impl<'a> Question<'a> {
                 break;
             }
         }
-        Ok(Found {
+        Ok(FittedSet {
             weighed: best,
             ..plain.clone()
         })
     }
 
-    /// The same set with error of form and swing of these sizes, and unless it `is_noisy` with no more noise
+    /// The same set with discrepancy and axis drift of these sizes, and unless it `is_noisy` with no more noise
     /// than is tolerated.
     pub(crate) fn restricted<M: Catalogue>(
         &self,
-        of: &Found<M>,
+        of: &FittedSet<M>,
         sizes: &Sizes,
         is_noisy: bool,
-    ) -> Result<Found<M>, InferError> {
+    ) -> Result<FittedSet<M>, InferError> {
         let problem = self.beside(of, &of.model);
         let fit = of.fit();
         let noise = if is_noisy {
@@ -345,9 +353,9 @@ impl<'a> Question<'a> {
                 best = Some(weighed);
             }
         }
-        Ok(Found {
+        Ok(FittedSet {
             weighed: best.ok_or(InferError::NoPosterior)?,
-            names: of.names.clone(),
+            mechanisms: of.mechanisms.clone(),
             model: of.model.clone(),
             ln_prior: of.ln_prior,
         })
@@ -357,30 +365,30 @@ impl<'a> Question<'a> {
     ///
     /// # Errors
     /// A problem that has no posterior.
-    pub fn posterior<M: Catalogue>(&self, of: &Found<M>) -> Result<Posterior, InferError> {
+    pub fn posterior<M: Catalogue>(&self, of: &FittedSet<M>) -> Result<Posterior, InferError> {
         self.beside(of, &of.model).concluded(of.weighed.clone())
     }
 
-    /// The unknowns of the plume without an error of form that is nearest to what a set believes.
+    /// The unknowns of the plume without a discrepancy that is nearest to what a set believes.
     ///
     /// # Errors
     /// A problem that has no posterior.
     pub fn nearest<M: Catalogue>(
         &self,
-        of: &Found<M>,
+        of: &FittedSet<M>,
         believed: &Posterior,
-    ) -> Result<Nearest, InferError> {
+    ) -> Result<ClosestModel, InferError> {
         self.beside(of, &of.model).nearest(believed)
     }
 
     /// Turn of the axis at every row in a set, degrees clockwise.
-    pub fn turns_deg<M: Catalogue>(&self, of: &Found<M>) -> Vec<f64> {
+    pub fn turns_deg<M: Catalogue>(&self, of: &FittedSet<M>) -> Vec<f64> {
         self.beside(of, &of.model).turns(&of.fit().point)
     }
 
     /// `column` of one number a row as independent normal ones under a set's noise: its misfit so is a
     /// sum of squares.
-    pub fn whitened<M: Catalogue>(&self, of: &Found<M>, column: &[f64]) -> Vec<f64> {
+    pub fn whitened<M: Catalogue>(&self, of: &FittedSet<M>, column: &[f64]) -> Vec<f64> {
         let mut out = column.to_vec();
         self.beside(of, &of.model).whiten(of.fit(), &mut out);
         out
@@ -392,8 +400,8 @@ impl<'a> Question<'a> {
     /// Values that the model refuses.
     pub fn screen<M: Catalogue>(
         &self,
-        found: &Found<M>,
-        tried: &[M::Tried],
+        found: &FittedSet<M>,
+        tried: &[M::Hypothesis],
     ) -> Result<Vec<Screened>, InferError> {
         let problem = self.beside(found, &found.model);
         let fit = &found.weighed.fit;
@@ -401,8 +409,8 @@ impl<'a> Question<'a> {
         let here = found.model.predict(&fit.point.at, &turns)?;
         let factors = problem.factors(fit)?;
         let ends = |tried| M::start(tried).ends.iter().map(move |end| (tried, end));
-        let directions: Vec<(&M::Tried, &Vec<f64>)> = tried.iter().flat_map(ends).collect();
-        let column = |(tried, end): &(&M::Tried, &Vec<f64>)| -> Result<Vec<f64>, InferError> {
+        let directions: Vec<(&M::Hypothesis, &Vec<f64>)> = tried.iter().flat_map(ends).collect();
+        let column = |(tried, end): &(&M::Hypothesis, &Vec<f64>)| -> Result<Vec<f64>, InferError> {
             let there = found
                 .model
                 .predict_with(&fit.point.at, &turns, tried, end)?;
@@ -436,9 +444,9 @@ impl<'a> Question<'a> {
             let start = M::start(tried);
             let own: Vec<usize> = (first..first + start.ends.len()).collect();
             first += start.ends.len();
-            let with: Vec<(f64, Tried)> = problems
+            let with: Vec<(f64, Hypothesis)> = problems
                 .iter()
-                .filter_map(|(ln, p)| Some((*ln, Tried::of(&p.only(&own), start)?)))
+                .filter_map(|(ln, p)| Some((*ln, Hypothesis::of(&p.only(&own), start)?)))
                 .collect();
             let total = ln_sum(with.iter().map(|(ln, t)| ln + t.ln_evidence));
             let best = with
@@ -462,16 +470,16 @@ impl<'a> Question<'a> {
         Ok(out)
     }
 
-    /// A set with one more name, fitted.
+    /// A set with one more mechanism, fitted.
     ///
     /// # Errors
     /// Values that the model refuses.
     pub fn extended<M: Catalogue>(
         &self,
-        found: &Found<M>,
-        tried: &M::Tried,
+        found: &FittedSet<M>,
+        tried: &M::Hypothesis,
         amplitudes: &[f64],
-    ) -> Result<Found<M>, InferError> {
+    ) -> Result<FittedSet<M>, InferError> {
         let model = found.model.with(tried);
         let problem = self.beside(found, &model);
         let fit = &found.weighed.fit;
@@ -480,7 +488,7 @@ impl<'a> Question<'a> {
         point.at.extend(start.at(amplitudes));
         let mut best = self.settled(&problem, &point, fit, 2)?;
         // One more unknown makes no model worse: where the start led astray, what was found before
-        // stands with the name doing next to nothing.
+        // stands with the mechanism doing next to nothing.
         if best.ln_evidence < found.weighed.ln_evidence
             && start.nothing.iter().all(|n| n.is_finite())
         {
@@ -511,7 +519,7 @@ impl<'a> Question<'a> {
         Ok(best)
     }
 
-    /// A fit that begins at other unknowns than `fit` came to: without its swing and error of form and under little
+    /// A fit that begins at other unknowns than `fit` came to: without its axis drift and discrepancy and under little
     /// noise, which have taken up what those unknowns left.
     fn fitted_anew<M: ForwardModel>(
         &self,
@@ -528,13 +536,13 @@ impl<'a> Question<'a> {
         self.settled(problem, &first.point, &first, 2)
     }
 
-    /// The same without any error of form, and with no more noise than is tolerated.
+    /// The same without any discrepancy, and with no more noise than is tolerated.
     pub(crate) fn extended_plainly<M: Catalogue>(
         &self,
-        found: &Found<M>,
-        tried: &M::Tried,
+        found: &FittedSet<M>,
+        tried: &M::Hypothesis,
         amplitudes: &[f64],
-    ) -> Result<Found<M>, InferError> {
+    ) -> Result<FittedSet<M>, InferError> {
         let model = found.model.with(tried);
         let fit = &found.weighed.fit;
         let mut point = fit.point.clone();
@@ -551,15 +559,15 @@ impl<'a> Question<'a> {
 
     fn found_with<M: Catalogue>(
         &self,
-        found: &Found<M>,
-        tried: &M::Tried,
+        found: &FittedSet<M>,
+        tried: &M::Hypothesis,
         model: M,
         best: Weighed,
-    ) -> Found<M> {
-        let mut names = found.names.clone();
-        names.push(tried.clone());
-        Found {
-            names,
+    ) -> FittedSet<M> {
+        let mut mechanisms = found.mechanisms.clone();
+        mechanisms.push(tried.clone());
+        FittedSet {
+            mechanisms,
             weighed: best,
             model,
             ln_prior: found.ln_prior + self.ln_prior::<M>(tried),
@@ -577,17 +585,17 @@ impl<'a> Question<'a> {
         problem.settled(point, &from.basis, (from.noise, from.sizes), times)
     }
 
-    /// Sets of names that were fitted, the base among them, the likeliest first, by a beam search
+    /// Sets of mechanisms that were fitted, the base among them, the likeliest first, by a beam search
     /// through the causes `tried`; sets that were found otherwise are `named`.
     ///
     /// # Errors
     /// Values that the model refuses.
     pub fn search<M: Catalogue>(
         &self,
-        base: Found<M>,
-        named: Vec<Found<M>>,
-        tried: &[M::Tried],
-    ) -> Result<Vec<Found<M>>, InferError> {
+        base: FittedSet<M>,
+        named: Vec<FittedSet<M>>,
+        tried: &[M::Hypothesis],
+    ) -> Result<Vec<FittedSet<M>>, InferError> {
         let policy = self.policy;
         let (base, beside, next) = self.first_level(base, &named, tried)?;
         let mut found = vec![base];
@@ -598,7 +606,7 @@ impl<'a> Question<'a> {
         for depth in 1..policy.most_names {
             let top = found
                 .iter()
-                .map(Found::ln_score)
+                .map(FittedSet::ln_score)
                 .fold(f64::NEG_INFINITY, f64::max);
             level.sort_by(|a, b| b.ln_score().total_cmp(&a.ln_score()));
             level.truncate(policy.beam_width);
@@ -615,7 +623,7 @@ impl<'a> Question<'a> {
 
 /// Most times that the noise of log-normal fluctuation is made most probable: each moves the deviations, and they it.
 const LOG_NORMAL_REFITS: usize = 10;
-/// How often the search is begun anew where a name led to a better base.
+/// How often the search is begun anew where a mechanism led to a better base.
 const NEW_BASES: usize = 2;
 /// A base is another one where its evidence is larger by this, nats.
 const BETTER_BASE_NATS: f64 = 2.0;
@@ -640,8 +648,8 @@ struct Next {
 }
 
 impl Question<'_> {
-    /// The base under little noise and no swing: these may have taken up what a name explains.
-    pub fn quiet<M: Catalogue>(&self, base: &Found<M>) -> Result<Found<M>, InferError> {
+    /// The base under little noise and no axis drift: these may have taken up what a mechanism explains.
+    pub fn quiet<M: Catalogue>(&self, base: &FittedSet<M>) -> Result<FittedSet<M>, InferError> {
         let problem = self.beside(base, &base.model);
         let sizes = self.policy.nearest_sizes(0.0, 0.0);
         let fit = base.fit();
@@ -651,19 +659,19 @@ impl Question<'_> {
         Ok(quiet)
     }
 
-    /// The base, the sets of one more name, and what was promised. Where one of these found a better fit
-    /// that is not due to its name, the base follows and the search begins anew.
+    /// The base, the sets of one more mechanism, and what was promised. Where one of these found a better fit
+    /// that is not due to its mechanism, the base follows and the search begins anew.
     #[allow(clippy::type_complexity, reason = "three things that belong together")]
     fn first_level<M: Catalogue>(
         &self,
-        mut base: Found<M>,
-        named: &[Found<M>],
-        tried: &[M::Tried],
-    ) -> Result<(Found<M>, Vec<Found<M>>, Vec<Next>), InferError> {
+        mut base: FittedSet<M>,
+        named: &[FittedSet<M>],
+        tried: &[M::Hypothesis],
+    ) -> Result<(FittedSet<M>, Vec<FittedSet<M>>, Vec<Next>), InferError> {
         let most = self.policy.beam_fits;
         for left in (0..=NEW_BASES).rev() {
             let quiet = self.quiet(&base)?;
-            // A base that began with a swing may be better without.
+            // A base that began with an axis drift may be better without.
             let problem = self.beside(&base, &base.model);
             let calm = self.settled(&problem, &quiet.fit().point, quiet.fit(), REFITS)?;
             if calm.ln_evidence > base.ln_evidence() {
@@ -673,12 +681,12 @@ impl Question<'_> {
             level.extend(named.iter().cloned());
             let top = level
                 .iter()
-                .map(Found::ln_score)
+                .map(FittedSet::ln_score)
                 .fold(f64::NEG_INFINITY, f64::max);
             let next = self.promising(&level, tried, Some(base.ln_score()))?;
             let least = top - self.policy.beam_nats;
             let beside = self.fitted(&level, tried, &next, least, [most, most / 2])?;
-            let alone = beside.iter().filter(|f| f.names.len() == 1);
+            let alone = beside.iter().filter(|f| f.mechanisms.len() == 1);
             let best = alone.max_by(|a, b| a.ln_evidence().total_cmp(&b.ln_evidence()));
             let better = match best.filter(|_| left > 0) {
                 Some(best) => self.followed(&base, best)?,
@@ -692,12 +700,12 @@ impl Question<'_> {
         Err(InferError::NoPosterior)
     }
 
-    /// The base from the point of a set with a name, where that is a better one.
+    /// The base from the point of a set with a mechanism, where that is a better one.
     fn followed<M: Catalogue>(
         &self,
-        base: &Found<M>,
-        set: &Found<M>,
-    ) -> Result<Option<Found<M>>, InferError> {
+        base: &FittedSet<M>,
+        set: &FittedSet<M>,
+    ) -> Result<Option<FittedSet<M>>, InferError> {
         if set.ln_evidence() < base.ln_evidence() + BETTER_BASE_NATS {
             return Ok(None);
         }
@@ -706,7 +714,7 @@ impl Question<'_> {
         point.at.truncate(base.at().len());
         let weighed = self.settled(&problem, &point, set.fit(), 1)?;
         let better = weighed.ln_evidence > base.ln_evidence() + BETTER_BASE_NATS;
-        Ok(better.then(|| Found {
+        Ok(better.then(|| FittedSet {
             weighed,
             ..base.clone()
         }))
@@ -716,24 +724,24 @@ impl Question<'_> {
     /// noise is as good as it is under its own, `quiet`, once the noise is fitted.
     fn promising<M: Catalogue>(
         &self,
-        level: &[Found<M>],
-        tried: &[M::Tried],
+        level: &[FittedSet<M>],
+        tried: &[M::Hypothesis],
         quiet: Option<f64>,
     ) -> Result<Vec<Next>, InferError> {
         let mut next = Vec::new();
         for (parent, found) in level.iter().enumerate() {
             let own = found.ln_score();
-            let from = if found.names.is_empty() {
+            let from = if found.mechanisms.is_empty() {
                 quiet.unwrap_or(own)
             } else {
                 own
             };
             for screened in self.screen(found, tried)? {
-                let name = &tried[screened.tried];
-                let start = M::start(name);
-                let beforehand = start.ln_prior + start.ln_share + self.policy.ln_name;
-                let ln_score = from + screened.gain + beforehand;
-                if ln_score.is_finite() && !found.has(name) {
+                let mechanism = &tried[screened.tried];
+                let start = M::start(mechanism);
+                let prior = start.ln_prior + start.ln_share + self.policy.ln_name;
+                let ln_score = from + screened.gain + prior;
+                if ln_score.is_finite() && !found.has(mechanism) {
                     next.push(Next {
                         ln_score,
                         parent,
@@ -750,19 +758,19 @@ impl Question<'_> {
     /// many in all, and of one parent.
     fn fitted<M: Catalogue>(
         &self,
-        level: &[Found<M>],
-        tried: &[M::Tried],
+        level: &[FittedSet<M>],
+        tried: &[M::Hypothesis],
         next: &[Next],
         least: f64,
         [most, most_of_parent]: [usize; 2],
-    ) -> Result<Vec<Found<M>>, InferError> {
+    ) -> Result<Vec<FittedSet<M>>, InferError> {
         let mut chosen: Vec<&Next> = Vec::new();
         let mut of_parent = vec![0; level.len()];
         let parts = |n: &Next| (&level[n.parent], &tried[n.screened.tried]);
         let is_same_set = |a: &Next, b: &Next| {
             let ((a, last), (b, other)) = (parts(a), parts(b));
             let has = |n| a.has(n) || M::same_cause(last, n);
-            a.names.len() == b.names.len() && b.names.iter().chain([other]).all(has)
+            a.mechanisms.len() == b.mechanisms.len() && b.mechanisms.iter().chain([other]).all(has)
         };
         for n in next.iter().take_while(|n| n.ln_score > least) {
             if of_parent[n.parent] < most_of_parent && !chosen.iter().any(|c| is_same_set(c, n)) {
@@ -774,14 +782,14 @@ impl Question<'_> {
             }
         }
         let fitted = |n: &&Next| {
-            let (parent, name) = parts(n);
-            self.extended(parent, name, &n.screened.amplitudes)
+            let (parent, mechanism) = parts(n);
+            self.extended(parent, mechanism, &n.screened.amplitudes)
         };
         parallel_map(&chosen, fitted).into_iter().collect()
     }
 }
 
-/// Sizes of the error of form under which causes are screened: the likeliest few hold nearly all.
+/// Sizes of the discrepancy under which causes are screened: the likeliest few hold nearly all.
 const SIZES_SCREENED: usize = 6;
 /// A way along a direction is at most so many of its prior's standard deviations.
 const FARTHEST_SD: f64 = 2.0;
@@ -802,13 +810,13 @@ impl Start {
 }
 
 /// A cause in a linear problem.
-struct Tried {
+struct Hypothesis {
     ln_evidence: f64,
     amplitudes: Vec<f64>,
     information: f64,
 }
 
-impl Tried {
+impl Hypothesis {
     /// From the problem of its own columns.
     fn of(problem: &Reduced, start: &Start) -> Option<Self> {
         let information = problem.value(0, 0);

@@ -1,9 +1,9 @@
-//! Sets of names over passes drawn anew: the probability of each on the average, which tells how far the readings of
+//! Sets of mechanisms over passes drawn anew: the probability of each on the average, which tells how far the readings of
 //! these passes, and not a few of them, speak for it (bagged posteriors: Huggins and Miller 2023).
 
 use crate::InferError;
-use crate::left_out::ByPass;
-use crate::names::{Catalogue, Found, Question, base_of, without};
+use crate::hold_out::ByPass;
+use crate::mechanism_search::{Catalogue, FittedSet, Question, base_of, without};
 use crate::parallel_map::parallel_map;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
@@ -12,7 +12,7 @@ use std::ops::Range;
 
 /// Sets of passes drawn anew.
 const DRAWS: usize = 40;
-/// Most sets that are weighed over them, besides those without one of their names.
+/// Most sets that are weighed over them, besides those without one of their mechanisms.
 const MOST_SETS: usize = 12;
 /// A set that is less likely by this, nats, is no rival however passes are drawn: one in 3,000.
 pub(crate) const RIVAL_NATS: f64 = 8.0;
@@ -42,34 +42,34 @@ impl Passes {
 }
 
 /// A set's log evidences, nats.
-pub(crate) struct DrawnSet {
+pub(crate) struct BootstrappedSet {
     /// In each draw.
     pub ln: Vec<f64>,
     /// What each pass says of itself when the others are known.
-    pub left_out: Vec<f64>,
+    pub hold_out: Vec<f64>,
 }
 
-impl DrawnSet {
+impl BootstrappedSet {
     fn of(by_pass: &ByPass, passes: &Passes) -> Self {
         Self {
             ln: passes.draws.iter().map(|t| by_pass.ln(t)).collect(),
-            left_out: by_pass.left_out(),
+            hold_out: by_pass.hold_out(),
         }
     }
 }
 
 /// Sets that were found, the likeliest first, and over passes drawn anew those of them that matter.
-pub(crate) struct Drawn<'f, M: Catalogue> {
-    pub found: &'f [Found<M>],
+pub(crate) struct Bootstrap<'f, M: Catalogue> {
+    pub found: &'f [FittedSet<M>],
     pub passes: &'f Passes,
-    sets: BTreeMap<usize, DrawnSet>,
+    sets: BTreeMap<usize, BootstrappedSet>,
 }
 
-impl<'f, M: Catalogue> Drawn<'f, M> {
+impl<'f, M: Catalogue> Bootstrap<'f, M> {
     /// Sets with `which` of them weighed over the draws.
     pub fn new(
         question: &Question<'_>,
-        found: &'f [Found<M>],
+        found: &'f [FittedSet<M>],
         passes: &'f Passes,
         which: Vec<usize>,
     ) -> Result<Self, InferError> {
@@ -82,14 +82,14 @@ impl<'f, M: Catalogue> Drawn<'f, M> {
         Ok(drawn)
     }
 
-    /// The likeliest sets, those without one of their names, and the base.
-    pub fn near(found: &[Found<M>]) -> Vec<usize> {
+    /// The likeliest sets, those without one of their mechanisms, and the base.
+    pub fn near(found: &[FittedSet<M>]) -> Vec<usize> {
         let least = found[0].ln_score() - RIVAL_NATS;
         let near = found.iter().take_while(|f| f.ln_score() > least).count();
         let likeliest = 0..near.clamp(1, MOST_SETS);
         let mut which: Vec<usize> = likeliest.clone().collect();
         for set in &found[likeliest] {
-            which.extend((0..set.names.len()).map(|k| without(found, set, k)));
+            which.extend((0..set.mechanisms.len()).map(|k| without(found, set, k)));
         }
         which.push(base_of(found));
         which
@@ -106,7 +106,7 @@ impl<'f, M: Catalogue> Drawn<'f, M> {
         which.dedup();
         let weighed = parallel_map(&which, |set| {
             let by_pass = question.by_pass(&self.found[*set], &self.passes.rows)?;
-            Ok((*set, DrawnSet::of(&by_pass, self.passes)))
+            Ok((*set, BootstrappedSet::of(&by_pass, self.passes)))
         });
         for set in weighed {
             let (set, weighed) = set?;
@@ -116,7 +116,7 @@ impl<'f, M: Catalogue> Drawn<'f, M> {
     }
 
     /// A set that was weighed.
-    pub fn get(&self, set: usize) -> Option<&DrawnSet> {
+    pub fn get(&self, set: usize) -> Option<&BootstrappedSet> {
         self.sets.get(&set)
     }
 
@@ -136,7 +136,7 @@ impl<'f, M: Catalogue> Drawn<'f, M> {
 
     /// The probability of each of some sets against the others, on the average over the draws.
     pub fn shares(&self, of: &[usize]) -> Vec<f64> {
-        let ln: Vec<&DrawnSet> = of.iter().filter_map(|s| self.sets.get(s)).collect();
+        let ln: Vec<&BootstrappedSet> = of.iter().filter_map(|s| self.sets.get(s)).collect();
         let mut share = vec![0.0; ln.len()];
         for draw in 0..self.passes.draws.len() {
             let top = ln

@@ -1,11 +1,11 @@
-//! A model's error of form: the plume is the model's times exp(g), with g smooth in the logarithm
+//! A model's discrepancy: the plume is the model's times exp(g), with g smooth in the logarithm
 //! of the distance, in the height above and the distance across the axis, and in the time at which
 //! the air left the source (Kennedy
 //! and O'Hagan 2001; after them with a multiplicative term, since a plume's error is relative).
 //!
-//! The axis may also swing: turn by an angle that is smooth in time.
+//! The axis may also drift: turn by an angle that is smooth in time.
 //!
-//! g and the swing are sums of Gaussian bumps on a regular grid of each coordinate with independent
+//! g and the axis drift are sums of Gaussian basis functions on a regular grid of each coordinate with independent
 //! normal weights: Gaussian processes with a squared-exponential covariance, whose size is one
 //! number for each coordinate. Where nobody has read, g keeps its size: the model may be as wrong there
 //! as it was seen to be elsewhere.
@@ -13,21 +13,21 @@
 use crate::policy::Policy;
 use crate::rows::PlumePlace;
 
-/// Coordinates: distance, height, width and time of the error of form, and the swing of the axis.
+/// Coordinates: distance, height, width and time of the discrepancy, and the drift of the axis.
 pub const COORDINATES: usize = 5;
 /// The last two of them.
 const TIME: usize = 3;
 /// See above.
-pub const SWING: usize = 4;
+pub const AXIS_DRIFT: usize = 4;
 /// The exponent g comes to this at most, so that no step of a search overflows: a factor of seven.
 const MOST_EXPONENT: f64 = 2.0;
 
-/// What an error of form makes of a plume.
+/// What a discrepancy makes of a plume.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Growth {
     /// exp(g).
     pub factor: f64,
-    /// What a change of the sum of weighted bumps changes the factor by.
+    /// What a change of the sum of weighted basis functions changes the factor by.
     pub slope: f64,
 }
 
@@ -45,7 +45,7 @@ impl Growth {
         }
     }
 
-    /// That of a sum of weighted bumps, which bends towards the largest exponent rather than to stop there: where
+    /// That of a sum of weighted basis functions, which bends towards the largest exponent rather than to stop there: where
     /// a slope ends, a search leans on rows that cannot follow.
     fn of(sum: f64) -> Self {
         let part = (sum / MOST_EXPONENT).tanh();
@@ -57,10 +57,10 @@ impl Growth {
     }
 }
 
-/// Size along each coordinate: standard deviation of g's part, and of the swing in degrees.
+/// Size along each coordinate: standard deviation of g's part, and of the axis drift in degrees.
 pub type Sizes = [f64; COORDINATES];
 
-/// Least size of an error of form or swing: as good as none, and its precision is still a number.
+/// Least size of a discrepancy or axis drift: as good as none, and its precision is still a number.
 const LEAST_SIZE: f64 = 1e-4;
 
 /// Precision of weights of a size.
@@ -68,9 +68,9 @@ pub(crate) fn precision_of(size: f64) -> f64 {
     size.max(LEAST_SIZE).powi(-2)
 }
 
-/// Bumps along one coordinate.
+/// Basis functions along one coordinate.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Bumps {
+pub(crate) struct BasisFunctions {
     first: f64,
     spacing: f64,
     width: f64,
@@ -79,8 +79,8 @@ pub(crate) struct Bumps {
     scale: f64,
 }
 
-impl Bumps {
-    /// Bumps over `[low, high]` and one width beyond.
+impl BasisFunctions {
+    /// Basis functions over `[low, high]` and one width beyond.
     pub fn over(low: f64, high: f64, width: f64, most: usize) -> Self {
         let span = (high - low).max(0.0) + 2.0 * width;
         // As close as the least number needs for a smooth sum, but no more than `most`.
@@ -88,7 +88,7 @@ impl Bumps {
         let spacing = SPACING_OVER_WIDTH * width;
         let count = (span / spacing).ceil() as usize + 1;
         let middle = 0.5 * (low + high);
-        let mut bumps = Self {
+        let mut basis_functions = Self {
             first: middle - 0.5 * spacing * (count - 1) as f64,
             spacing,
             width,
@@ -96,12 +96,12 @@ impl Bumps {
             scale: 1.0,
         };
         let mut at_middle = vec![0.0; count];
-        bumps.fill(middle, &mut at_middle);
-        bumps.scale = 1.0 / at_middle.iter().map(|b| b * b).sum::<f64>().sqrt();
-        bumps
+        basis_functions.fill(middle, &mut at_middle);
+        basis_functions.scale = 1.0 / at_middle.iter().map(|b| b * b).sum::<f64>().sqrt();
+        basis_functions
     }
 
-    /// The values of each bump at all places.
+    /// The values of each basis function at all places.
     pub fn columns(&self, at: &[f64]) -> Vec<Vec<f64>> {
         let mut out = vec![vec![0.0; at.len()]; self.count];
         let mut values = vec![0.0; self.count];
@@ -121,87 +121,97 @@ impl Bumps {
         // A cast of what is below zero or not a number is zero.
         let from = (place - reach).ceil() as usize;
         let to = ((place + reach).floor() + 1.0) as usize;
-        // From one bump to the next the exponential changes by a factor that itself changes by a constant one.
+        // From one basis function to the next the exponential changes by a factor that itself changes by a constant one.
         let d = SPACING_OVER_WIDTH * (place - from as f64);
-        let mut bump = self.scale * (-0.5 * d * d).exp();
+        let mut basis_function = self.scale * (-0.5 * d * d).exp();
         let mut factor = (SPACING_OVER_WIDTH * (d - 0.5 * SPACING_OVER_WIDTH)).exp();
         let to = to.min(out.len());
         for out in out.iter_mut().take(to).skip(from) {
-            *out = bump;
-            bump *= factor;
+            *out = basis_function;
+            basis_function *= factor;
             factor *= NEXT_FACTOR;
         }
     }
 }
 
-/// A bump is nothing farther away than this many of its widths: less than a hundred-thousandth.
+/// A basis function is nothing farther away than this many of its widths: less than a hundred-thousandth.
 const FARTHEST_WIDTHS: f64 = 5.0;
 
-/// Steps of a mean over a swing's bump, in widths, and the most of them: a swing from before the record
-/// has no bumps.
+/// Steps of a mean over an axis drift's basis function, in widths, and the most of them: an axis drift from before the record
+/// has no basis functions.
 const STEP_OVER_WIDTH: f64 = 0.5;
 const MOST_STEPS: usize = 40;
 
-/// Distance of neighbouring bumps over their width: at .75 the sum of their squares ripples by
+/// Distance of neighbouring basis functions over their width: at .75 the sum of their squares ripples by
 /// less than a thousandth.
 const SPACING_OVER_WIDTH: f64 = 0.75;
 
-/// exp(−.75²): by what the factor from one bump to the next changes.
+/// exp(−.75²): by what the factor from one basis function to the next changes.
 const NEXT_FACTOR: f64 = 0.569_782_824_730_923;
 
-/// The bumps of all coordinates.
+/// The basis functions of all coordinates.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Basis {
-    bumps: [Bumps; COORDINATES],
+    basis_functions: [BasisFunctions; COORDINATES],
 }
 
 impl Basis {
-    /// Bumps for an error of form over all of `places`, those of readings in the plume and those of
-    /// which something is to be told, and for a swing over `time_s` and from `swing_from_s` on.
+    /// Basis functions for a discrepancy over all of `places`, those of readings in the plume and those of
+    /// which something is to be told, and for an axis drift over `time_s` and from `swing_from_s` on.
     pub fn over(
         places: impl Iterator<Item = PlumePlace> + Clone,
         time_s: &[f64],
-        swing_from_s: f64,
+        axis_drift_from_s: f64,
         policy: &Policy,
     ) -> Self {
-        let reach = policy.form_reach_sigmas;
+        let reach = policy.discrepancy_reach_sigmas;
         let range = |of: fn(&PlumePlace) -> f64, within: f64| {
             let inside = |p| of(&p).clamp(-within, within);
             extent(places.clone().map(inside))
         };
         let times = extent(time_s.iter().copied());
         let emitted = extent(places.clone().map(|p| p.emitted_s));
-        let most = policy.form_most_bumps;
-        let bumps = |(low, high): (f64, f64), width: f64| Bumps::over(low, high, width, most);
+        let most = policy.discrepancy_most_basis_functions;
+        let basis_functions =
+            |(low, high): (f64, f64), width: f64| BasisFunctions::over(low, high, width, most);
         let in_time = |(low, high): (f64, f64), width_s: f64| {
-            Bumps::over(low, high, width_s, policy.most_bumps_in_time)
+            BasisFunctions::over(low, high, width_s, policy.most_basis_functions_in_time)
         };
         Self {
-            bumps: [
-                bumps(
+            basis_functions: [
+                basis_functions(
                     range(|p| p.ln_distance, f64::MAX),
-                    policy.form_width_ln_distance,
+                    policy.discrepancy_width_ln_distance,
                 ),
-                bumps(range(|p| p.above_sigmas, reach), policy.form_width_sigmas),
-                bumps(range(|p| p.across_sigmas, reach), policy.form_width_sigmas),
-                in_time(emitted, policy.form_width_s),
-                in_time((times.0.min(swing_from_s), times.1), policy.swing_width_s),
+                basis_functions(
+                    range(|p| p.above_sigmas, reach),
+                    policy.discrepancy_width_sigmas,
+                ),
+                basis_functions(
+                    range(|p| p.across_sigmas, reach),
+                    policy.discrepancy_width_sigmas,
+                ),
+                in_time(emitted, policy.discrepancy_width_s),
+                in_time(
+                    (times.0.min(axis_drift_from_s), times.1),
+                    policy.axis_drift_width_s,
+                ),
             ],
         }
     }
 
-    /// Bumps for a swing alone.
-    pub(crate) fn of_swing(time_s: &[f64], from_s: f64, policy: &Policy) -> Self {
+    /// Basis functions for an axis drift alone.
+    pub(crate) fn of_axis_drift(time_s: &[f64], from_s: f64, policy: &Policy) -> Self {
         let mut out = Self::over(std::iter::empty(), time_s, from_s, policy);
-        for bumps in &mut out.bumps[..SWING] {
-            bumps.count = 0;
+        for basis_functions in &mut out.basis_functions[..AXIS_DRIFT] {
+            basis_functions.count = 0;
         }
         out
     }
 
     /// Number of weights.
     pub fn len(&self) -> usize {
-        self.bumps.iter().map(|b| b.count).sum()
+        self.basis_functions.iter().map(|b| b.count).sum()
     }
 
     /// Whether there are none.
@@ -209,15 +219,15 @@ impl Basis {
         self.len() == 0
     }
 
-    /// Number of weights of the error of form, which stand first; those of the swing follow.
-    pub fn of_form(&self) -> usize {
-        self.len() - self.bumps[SWING].count
+    /// Number of weights of the discrepancy, which stand first; those of the axis drift follow.
+    pub fn of_discrepancy(&self) -> usize {
+        self.len() - self.basis_functions[AXIS_DRIFT].count
     }
 
     /// The coordinate that each weight belongs to.
     pub fn coordinates(&self) -> impl Iterator<Item = usize> + '_ {
-        let of = |(k, b): (usize, &Bumps)| std::iter::repeat_n(k, b.count);
-        self.bumps.iter().enumerate().flat_map(of)
+        let of = |(k, b): (usize, &BasisFunctions)| std::iter::repeat_n(k, b.count);
+        self.basis_functions.iter().enumerate().flat_map(of)
     }
 
     /// The weights that may differ from zero under `sizes`.
@@ -243,9 +253,9 @@ impl Basis {
         }
     }
 
-    /// The values at a place of the active bumps of the error of form; none where the place is not in
+    /// The values at a place of the active basis functions of the discrepancy; none where the place is not in
     /// the plume.
-    pub(crate) fn fill_form(&self, active: &Active, place: &PlumePlace, out: &mut [f64]) {
+    pub(crate) fn fill_discrepancy(&self, active: &Active, place: &PlumePlace, out: &mut [f64]) {
         if !place.ln_distance.is_finite() {
             out.fill(0.0);
             return;
@@ -257,37 +267,38 @@ impl Basis {
             place.emitted_s,
         ];
         let mut rest = out;
-        for (c, (bumps, at)) in self.bumps.iter().zip(at).enumerate() {
+        for (c, (basis_functions, at)) in self.basis_functions.iter().zip(at).enumerate() {
             if active.kept[c] {
-                let (part, behind) = rest.split_at_mut(bumps.count);
-                bumps.fill(at, part);
+                let (part, behind) = rest.split_at_mut(basis_functions.count);
+                basis_functions.fill(at, part);
                 rest = behind;
             }
         }
     }
 
-    /// The values of all bumps at a place.
+    /// The values of all basis functions at a place.
     pub(crate) fn fill(&self, place: &PlumePlace, out: &mut [f64]) {
-        let (form, swing) = out.split_at_mut(self.of_form());
-        self.fill_form(&Active::all(self), place, form);
-        self.fill_swing(place.time_s, swing);
+        let (form, axis_drift) = out.split_at_mut(self.of_discrepancy());
+        self.fill_discrepancy(&Active::all(self), place, form);
+        self.fill_axis_drift(place.time_s, axis_drift);
     }
 
-    /// The values of the swing's bumps at a time.
-    pub(crate) fn fill_swing(&self, time_s: f64, out: &mut [f64]) {
-        self.bumps[SWING].fill(time_s, out);
+    /// The values of the axis drift's basis functions at a time.
+    pub(crate) fn fill_axis_drift(&self, time_s: f64, out: &mut [f64]) {
+        self.basis_functions[AXIS_DRIFT].fill(time_s, out);
     }
 
-    /// The means of the swing's bumps over the time `under_way_s` that ends at a time: the turn of an axis
+    /// The means of the axis drift's basis functions over the time `under_way_s` that ends at a time: the turn of an axis
     /// that the air has followed since then.
-    pub(crate) fn fill_swing_since(&self, time_s: f64, under_way_s: f64, out: &mut [f64]) {
-        let steps = (under_way_s / (STEP_OVER_WIDTH * self.bumps[SWING].width)).ceil();
+    pub(crate) fn fill_axis_drift_since(&self, time_s: f64, under_way_s: f64, out: &mut [f64]) {
+        let steps =
+            (under_way_s / (STEP_OVER_WIDTH * self.basis_functions[AXIS_DRIFT].width)).ceil();
         let steps = (steps as usize).clamp(1, MOST_STEPS);
         let mut there = vec![0.0; out.len()];
         out.fill(0.0);
         for k in 0..steps {
             let ago_s = under_way_s * (k as f64 + 0.5) / steps as f64;
-            self.fill_swing(time_s - ago_s, &mut there);
+            self.fill_axis_drift(time_s - ago_s, &mut there);
             for (out, there) in out.iter_mut().zip(&there) {
                 *out += there / steps as f64;
             }
@@ -297,19 +308,19 @@ impl Basis {
     /// Turn of an axis that the air has followed for the time `under_way_s` that ends at a time, degrees
     /// clockwise.
     pub(crate) fn turn_since_deg(&self, time_s: f64, under_way_s: f64, weights: &[f64]) -> f64 {
-        let mut values = vec![0.0; self.bumps[SWING].count];
-        self.fill_swing_since(time_s, under_way_s, &mut values);
-        dot(&values, &weights[self.of_form()..])
+        let mut values = vec![0.0; self.basis_functions[AXIS_DRIFT].count];
+        self.fill_axis_drift_since(time_s, under_way_s, &mut values);
+        dot(&values, &weights[self.of_discrepancy()..])
     }
 
-    /// These bumps of the error of form with those of another basis for the swing.
-    pub(crate) fn with_swing_of(&self, other: &Self) -> Self {
+    /// These basis functions of the discrepancy with those of another basis for the axis drift.
+    pub(crate) fn with_axis_drift_of(&self, other: &Self) -> Self {
         let mut out = self.clone();
-        out.bumps[SWING] = other.bumps[SWING].clone();
+        out.basis_functions[AXIS_DRIFT] = other.basis_functions[AXIS_DRIFT].clone();
         out
     }
 
-    /// What bumps of the error of form of these values and weights make of a plume; more values are left
+    /// What basis functions of the discrepancy of these values and weights make of a plume; more values are left
     /// alone.
     pub(crate) fn growth(values: &[f64], weights: &[f64]) -> Growth {
         Growth::of(dot(values, weights))
@@ -323,10 +334,10 @@ impl Basis {
 
 /// The size of a coordinate where there is none.
 fn least(coordinate: usize, policy: &Policy) -> f64 {
-    if coordinate == SWING {
+    if coordinate == AXIS_DRIFT {
         0.0
     } else {
-        policy.form_least
+        policy.discrepancy_least
     }
 }
 
@@ -344,9 +355,9 @@ impl Active {
         basis.those(|_| true)
     }
 
-    /// Those of the error of form, which stand first.
-    pub fn of_form(&self) -> usize {
-        self.coordinates().filter(|c| *c != SWING).count()
+    /// Those of the discrepancy, which stand first.
+    pub fn of_discrepancy(&self) -> usize {
+        self.coordinates().filter(|c| *c != AXIS_DRIFT).count()
     }
 
     pub fn weights(&self) -> impl Iterator<Item = usize> + '_ {
@@ -368,17 +379,17 @@ impl Active {
 }
 
 impl Policy {
-    /// The sizes that a coordinate of error of form or swing may have, with the logarithms of their
+    /// The sizes that a coordinate of discrepancy or axis drift may have, with the logarithms of their
     /// probabilities beforehand.
     fn choices(&self, coordinate: usize) -> [(f64, f64); 3] {
-        let (least, [some, more]) = if coordinate == SWING {
-            (0.0, self.swing_sizes_deg)
+        let (least, [some, more]) = if coordinate == AXIS_DRIFT {
+            (0.0, self.axis_drift_sizes_deg)
         } else {
-            (self.form_least, self.form_sizes)
+            (self.discrepancy_least, self.discrepancy_sizes)
         };
-        let ln_some = (0.5 * (1.0 - self.form_none)).ln();
+        let ln_some = (0.5 * (1.0 - self.discrepancy_none)).ln();
         [
-            (least, self.form_none.ln()),
+            (least, self.discrepancy_none.ln()),
             (some, ln_some),
             (more, ln_some),
         ]
@@ -394,10 +405,14 @@ impl Policy {
         sizes.iter().enumerate().map(of).sum()
     }
 
-    /// Sizes of an error of form on every coordinate and a swing, as near as the choices come.
-    pub(crate) fn nearest_sizes(&self, form: f64, swing_deg: f64) -> Sizes {
+    /// Sizes of a discrepancy on every coordinate and an axis drift, as near as the choices come.
+    pub(crate) fn nearest_sizes(&self, form: f64, axis_drift_deg: f64) -> Sizes {
         std::array::from_fn(|k| {
-            let wanted = if k == SWING { swing_deg } else { form };
+            let wanted = if k == AXIS_DRIFT {
+                axis_drift_deg
+            } else {
+                form
+            };
             let off = |c: &(f64, f64)| (c.0 - wanted).abs();
             let choices = self.choices(k).into_iter();
             choices
@@ -406,20 +421,22 @@ impl Policy {
         })
     }
 
-    /// Of sizes what is tolerated: no error of form but a slow change of strength as a wind's speed makes,
-    /// and a swing about as wide as the wander that is.
+    /// Of sizes what is tolerated: no discrepancy but a slow change of strength as a wind's speed makes,
+    /// and an axis drift about as wide as the wander that is.
     pub(crate) fn tolerated_sizes(&self, sizes: &Sizes) -> Sizes {
         std::array::from_fn(|k| match k {
-            SWING => sizes[k].min(self.nearest_swing_deg(self.noise_tolerated.wander_deg)),
-            TIME => sizes[k].min(self.form_sizes[0]),
-            _ => self.form_least,
+            AXIS_DRIFT => {
+                sizes[k].min(self.nearest_axis_drift_deg(self.noise_tolerated.wander_deg))
+            }
+            TIME => sizes[k].min(self.discrepancy_sizes[0]),
+            _ => self.discrepancy_least,
         })
     }
 
-    /// The size of a swing, other than none, that is nearest to `deg` by its factor.
-    fn nearest_swing_deg(&self, deg: f64) -> f64 {
+    /// The size of an axis drift, other than none, that is nearest to `deg` by its factor.
+    fn nearest_axis_drift_deg(&self, deg: f64) -> f64 {
         let off = |size: &f64| (size / deg).ln().abs();
-        let [some, more] = self.swing_sizes_deg;
+        let [some, more] = self.axis_drift_sizes_deg;
         if off(&some) <= off(&more) { some } else { more }
     }
 
@@ -468,13 +485,13 @@ mod tests {
         let places = [place(6.9, -2.0), place(8.1, 3.0)];
         let basis = Basis::over(places.into_iter(), &[0.0, 900.0], 0.0, &Policy::default());
         let coordinates: Vec<usize> = basis.coordinates().collect();
-        let mut bumps = vec![0.0; basis.len()];
+        let mut basis_functions = vec![0.0; basis.len()];
         for step in 0..=60 {
             let ln_distance = 6.9 + 0.02 * f64::from(step);
-            basis.fill(&place(ln_distance, 0.0), &mut bumps);
+            basis.fill(&place(ln_distance, 0.0), &mut basis_functions);
             for coordinate in 0..COORDINATES {
                 let of = |(b, c): (&f64, &usize)| if *c == coordinate { b * b } else { 0.0 };
-                let variance: f64 = bumps.iter().zip(&coordinates).map(of).sum();
+                let variance: f64 = basis_functions.iter().zip(&coordinates).map(of).sum();
                 assert!(
                     (variance - 1.0).abs() < 0.02,
                     "{coordinate} at {ln_distance}: {variance}"
@@ -487,12 +504,24 @@ mod tests {
     fn outside_the_plume_only_the_axis_swings() {
         let places = [place(6.9, 0.0), place(8.1, 0.0)];
         let basis = Basis::over(places.into_iter(), &[0.0, 900.0], 0.0, &Policy::default());
-        let mut bumps = vec![0.0; basis.len()];
-        basis.fill(&place(f64::NAN, 0.0), &mut bumps);
-        assert!(bumps[..basis.of_form()].iter().all(|b| *b == 0.0));
-        assert!(bumps[basis.of_form()..].iter().any(|b| *b > 0.1));
+        let mut basis_functions = vec![0.0; basis.len()];
+        basis.fill(&place(f64::NAN, 0.0), &mut basis_functions);
+        assert!(
+            basis_functions[..basis.of_discrepancy()]
+                .iter()
+                .all(|b| *b == 0.0)
+        );
+        assert!(
+            basis_functions[basis.of_discrepancy()..]
+                .iter()
+                .any(|b| *b > 0.1)
+        );
         assert_eq!(
-            Basis::growth(&bumps[..basis.of_form()], &vec![1.0; basis.of_form()]).factor,
+            Basis::growth(
+                &basis_functions[..basis.of_discrepancy()],
+                &vec![1.0; basis.of_discrepancy()]
+            )
+            .factor,
             1.0
         );
     }
@@ -502,8 +531,14 @@ mod tests {
         let policy = Policy::default();
         let basis = Basis::over(std::iter::empty(), &[0.0, 1e6], 0.0, &policy);
         let time = basis.coordinates().filter(|c| *c == TIME).count();
-        let swing = basis.coordinates().filter(|c| *c == SWING).count();
-        assert!(time <= policy.form_most_bumps + 2, "{time}");
-        assert!(swing <= policy.most_bumps_in_time + 2, "{swing}");
+        let axis_drift = basis.coordinates().filter(|c| *c == AXIS_DRIFT).count();
+        assert!(
+            time <= policy.discrepancy_most_basis_functions + 2,
+            "{time}"
+        );
+        assert!(
+            axis_drift <= policy.most_basis_functions_in_time + 2,
+            "{axis_drift}"
+        );
     }
 }

@@ -126,7 +126,7 @@ fn shard(text: &str) -> Result<(usize, usize), String> {
 fn main() -> anyhow::Result<()> {
     let arguments = Arguments::parse();
     if let (Some(seed), Some(folder)) = (arguments.case, &arguments.into) {
-        return one_case::write(seed, arguments.first_seed, folder);
+        return one_case::write((seed, arguments.first_seed), arguments.generator, folder);
     }
     if let (true, Some(count)) = (arguments.sensitivity, arguments.quick) {
         gap_bench::sensitivity(count, arguments.first_seed, &mut |line| println!("{line}"));

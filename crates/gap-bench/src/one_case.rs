@@ -1,17 +1,23 @@
 //! One case of the benchmark as files: what the finder gets, what is true, and what it says.
 
 use anyhow::{Context as _, anyhow};
-use gap_bench::{find, make, plan};
+use gap_bench::{Generator, find, make, plan};
 use std::path::Path;
 
 /// Seeds a case that the plan is made for; those of a smaller benchmark are among them.
 const SEEDS: u64 = 100;
 
-/// Writes the case of `seed` to `folder`: `scenario.toml`, the observations, `truth.json` and
+/// Writes the case of `seed` that `generator` makes to `folder`: `scenario.toml`, the observations, `truth.json` and
 /// `gap.json`.
-pub(super) fn write(seed: u64, first_seed: u64, folder: &Path) -> anyhow::Result<()> {
-    let tasks = plan(SEEDS, first_seed);
-    let task = tasks.iter().find(|t| t.seed == seed).with_context(|| {
+pub(super) fn write(
+    (seed, first_seed): (u64, u64),
+    generator: Generator,
+    folder: &Path,
+) -> anyhow::Result<()> {
+    let mut tasks = plan(SEEDS, first_seed)
+        .into_iter()
+        .filter_map(|t| t.by(generator));
+    let task = &tasks.find(|t| t.seed == seed).with_context(|| {
         format!("no case has the seed {seed}; expected the --first-seed of the benchmark as well")
     })?;
     let made = make(task).with_context(|| format!("no scene shows {} so strongly", task.row()))?;

@@ -73,8 +73,15 @@ pub fn class(nats: f64) -> &'static str {
 }
 
 impl Task {
-    /// The same by the second generator; none where it has no such case.
-    pub fn of_puffs(&self) -> Option<Self> {
+    /// The same by a generator; none where it has no such case.
+    pub fn by(self, generator: Generator) -> Option<Self> {
+        match generator {
+            Generator::Plume => Some(self),
+            Generator::Puffs => self.of_puffs(),
+        }
+    }
+
+    fn of_puffs(&self) -> Option<Self> {
         use NoiseForm as F;
         let is_known = matches!(
             self.kind,
@@ -444,11 +451,10 @@ pub fn share_by(count: usize, first_seed: u64, generator: Generator) -> Vec<Task
     };
     let mut groups: Vec<Vec<Task>> = vec![Vec::new(); 5];
     let mut turns = [0; 5];
-    let made = |task: Task| match generator {
-        Generator::Plume => Some(task),
-        Generator::Puffs => task.of_puffs(),
-    };
-    for task in plan(seeds, first_seed).into_iter().filter_map(made) {
+    for task in plan(seeds, first_seed)
+        .into_iter()
+        .filter_map(|t| t.by(generator))
+    {
         let (group, times) = group(&task);
         turns[group] = times;
         groups[group].push(task);

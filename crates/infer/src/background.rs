@@ -43,8 +43,12 @@ impl Question<'_> {
             .collect();
         let (low_m, high_m) = extent(heights_m.iter().copied());
         let width_m = (high_m - low_m) / PARTS_OF_HEIGHT;
-        let mut columns = time.columns(self.rows.time_s());
-        let mut along = vec![(Along::Time, 0..columns.len())];
+        let (mut columns, mut along) = (Vec::new(), Vec::new());
+        // One sensor alone cannot tell air that varies from a zero that wanders.
+        if self.rows.series().filter(|s| !s.is_empty()).count() > 1 {
+            columns = time.columns(self.rows.time_s());
+            along.push((Along::Time, 0..columns.len()));
+        }
         if high_m - low_m > LEAST_HEIGHTS_M {
             let height = BasisFunctions::over(
                 low_m,
@@ -55,6 +59,9 @@ impl Question<'_> {
             let first = columns.len();
             columns.extend(height.columns(&heights_m));
             along.push((Along::Height, first..columns.len()));
+        }
+        if along.is_empty() {
+            return Ok((0.0, Along::Time));
         }
         let problem = self.beside(set, &set.model);
         let found = set.fit();

@@ -365,27 +365,6 @@ pub struct Estimate {
     pub sd: f64,
 }
 
-impl Estimate {
-    /// The 95 % interval of a positive quantity: that of the log-normal distribution of this mean and standard
-    /// deviation; none of a value that is not positive.
-    ///
-    /// ```
-    /// use protocol::message::Estimate;
-    ///
-    /// let [low, high] = Estimate { value: 772.0, sd: 1596.0 }.positive_interval_95().unwrap();
-    /// assert!((20.0..30.0).contains(&low) && (3500.0..4500.0).contains(&high));
-    /// ```
-    pub fn positive_interval_95(self) -> Option<[f64; 2]> {
-        if !(self.value > 0.0 && self.value.is_finite() && self.sd.is_finite()) {
-            return None;
-        }
-        let variance = (self.sd / self.value).powi(2).ln_1p();
-        let median = self.value * (-0.5 * variance).exp();
-        let factor = (HALF_WIDTH_95_SD * variance.sqrt()).exp();
-        Some([median / factor, median * factor])
-    }
-}
-
 /// Half width of the 95 % interval of a normal distribution, in standard deviations.
 pub const HALF_WIDTH_95_SD: f64 = 1.96;
 

@@ -274,6 +274,13 @@ pub struct GapSummary {
     pub causes: Vec<GapCause>,
 }
 
+/// The 95 % interval of a quantity that is positive; none of an estimate that is not.
+fn positive_interval_95(of: Estimate) -> Option<[f64; 2]> {
+    let is_positive = of.value > 0.0 && of.value.is_finite() && of.sd.is_finite();
+    let interval = is_positive.then(|| study::Interval::of_mean(of.value, of.sd))?;
+    Some([interval.low95, interval.high95])
+}
+
 /// What a source emits, and where it is known what it really does.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FluxSummary {
@@ -580,7 +587,7 @@ impl Summariser {
                 value: p.co2_ppm - above_ppm,
                 sd: p.sd_ppm,
             };
-            let interval = excess.positive_interval_95()?;
+            let interval = positive_interval_95(excess)?;
             Some(interval.map(|end| above_ppm + end))
         };
         PeakSummary {
@@ -622,7 +629,7 @@ impl Summariser {
             FluxMethod::MassBalance => (!known.is_empty()).then(|| known.iter().map(|k| k.1).sum()),
         };
         FluxSummary {
-            interval_95_kg_s: found.kg_s.positive_interval_95(),
+            interval_95_kg_s: positive_interval_95(found.kg_s),
             truth_kg_s,
             found: found.clone(),
         }

@@ -5,7 +5,7 @@
 pub(super) mod made;
 
 use super::*;
-use crate::verdict::{Flaw, Verdict};
+use crate::verdict::{Flaw, UnexplainedKind, Verdict};
 use ::plume::field::DispersionModel;
 use made::{SCENARIO, observe, setup, setup_with};
 use scenario::Scenario;
@@ -83,6 +83,25 @@ fn a_fault_of_one_platform_names_the_platform() {
             .mechanisms
             .contains(&"sensor-offset".to_string())
     );
+}
+
+#[test]
+fn a_background_that_varies_is_one_of_all_sensors() {
+    // A wave of twice the sensor's noise.
+    let wave_ppm = |time_s: f64| 2.0 * (std::f64::consts::TAU * time_s / 150.0).sin();
+    let with_wave = |has: fn(usize) -> bool| {
+        let mut observations = observe(&[], 17);
+        for row in observations.rows.iter_mut().filter(|r| has(r.platform)) {
+            row.co2_ppm = row.co2_ppm.map(|c| c + wave_ppm(row.time_s));
+        }
+        run(&observations)
+            .json
+            .unexplained
+            .map(|u| (u.kind, u.coordinate))
+    };
+    let background = Some((UnexplainedKind::Background, "time".to_owned()));
+    assert_eq!(with_wave(|_| true), background);
+    assert_ne!(with_wave(|platform| platform == 0), background);
 }
 
 #[test]

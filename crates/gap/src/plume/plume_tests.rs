@@ -87,8 +87,8 @@ fn a_fault_of_one_platform_names_the_platform() {
 
 #[test]
 fn a_background_that_varies_is_one_of_all_sensors() {
-    // A wave of twice the sensor's noise.
-    let wave_ppm = |time_s: f64| 2.0 * (std::f64::consts::TAU * time_s / 150.0).sin();
+    // A wave of five times the noise of the sensor.
+    let wave_ppm = |time_s: f64| 5.0 * (std::f64::consts::TAU * time_s / 150.0).sin();
     let with_wave = |has: fn(usize) -> bool| {
         let mut observations = observe(&[], 17);
         for row in observations.rows.iter_mut().filter(|r| has(r.platform)) {

@@ -1,5 +1,5 @@
-//! Sets of mechanisms over passes drawn anew: the probability of each on the average, which tells how far the readings of
-//! these passes, and not a few of them, speak for it (bagged posteriors: Huggins and Miller 2023).
+//! Probabilities of sets of mechanisms averaged over bootstrap draws of the passes, so that a few passes alone cannot
+//! decide (bagged posteriors: Huggins and Miller 2023).
 
 use crate::InferError;
 use crate::hold_out::ByPass;
@@ -10,23 +10,23 @@ use rand::{RngExt, SeedableRng};
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// Sets of passes drawn anew.
+/// Number of bootstrap draws.
 const DRAWS: usize = 40;
-/// Most sets that are weighed over them, besides those without one of their mechanisms.
+/// Largest number of sets to evaluate, besides those without one of their mechanisms.
 const MOST_SETS: usize = 12;
-/// A set that is less likely by this, nats, is no rival however passes are drawn: one in 3,000.
+/// A set whose log evidence is lower by this, nats, is no rival in any draw: one in 3,000.
 pub(crate) const RIVAL_NATS: f64 = 8.0;
 
-/// A record's passes, and how often each counts in every draw.
+/// The passes of a record with their weights in every draw.
 pub(crate) struct Passes {
     /// Rows of each pass.
     pub rows: Vec<Vec<Range<usize>>>,
-    /// How often each counts, draw by draw.
+    /// Weight of each, draw by draw.
     pub draws: Vec<Vec<f64>>,
 }
 
 impl Passes {
-    /// Draws of as many passes as there are, with replacement.
+    /// Draws with replacement, each of as many passes as the record has.
     pub fn drawn(rows: Vec<Vec<Range<usize>>>, seed: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut draw = || {
@@ -45,7 +45,7 @@ impl Passes {
 pub(crate) struct BootstrappedSet {
     /// In each draw.
     pub ln: Vec<f64>,
-    /// What each pass says of itself when the others are known.
+    /// Log predictive density of each pass given the others.
     pub hold_out: Vec<f64>,
 }
 
@@ -58,7 +58,7 @@ impl BootstrappedSet {
     }
 }
 
-/// Sets that were found, the likeliest first, and over passes drawn anew those of them that matter.
+/// The sets of a search, the most probable first, with the bootstrap evidences of those that matter.
 pub(crate) struct Bootstrap<'f, M: Catalogue> {
     pub found: &'f [FittedSet<M>],
     pub passes: &'f Passes,
@@ -66,7 +66,7 @@ pub(crate) struct Bootstrap<'f, M: Catalogue> {
 }
 
 impl<'f, M: Catalogue> Bootstrap<'f, M> {
-    /// Sets with `which` of them weighed over the draws.
+    /// Evaluates `which` of the sets over the draws.
     pub fn new(
         question: &Question<'_>,
         found: &'f [FittedSet<M>],
@@ -82,7 +82,7 @@ impl<'f, M: Catalogue> Bootstrap<'f, M> {
         Ok(drawn)
     }
 
-    /// The likeliest sets, those without one of their mechanisms, and the base.
+    /// The most probable sets, those without one of their mechanisms, and the base.
     pub fn near(found: &[FittedSet<M>]) -> Vec<usize> {
         let least = found[0].ln_score() - RIVAL_NATS;
         let near = found.iter().take_while(|f| f.ln_score() > least).count();
@@ -95,7 +95,7 @@ impl<'f, M: Catalogue> Bootstrap<'f, M> {
         which
     }
 
-    /// Weighs further sets over the draws.
+    /// Evaluates further sets over the draws.
     pub fn weigh(
         &mut self,
         question: &Question<'_>,
@@ -115,12 +115,12 @@ impl<'f, M: Catalogue> Bootstrap<'f, M> {
         Ok(())
     }
 
-    /// A set that was weighed.
+    /// The evidences of a set, if evaluated.
     pub fn get(&self, set: usize) -> Option<&BootstrappedSet> {
         self.sets.get(&set)
     }
 
-    /// The likeliest sets of those that were weighed, `most` at most and each with `least` of the probability.
+    /// The most probable evaluated sets: at most `most`, each with at least the probability `least`.
     pub fn likeliest(&self, most: usize, least: f64) -> Vec<usize> {
         let weighed: Vec<usize> = self.sets.keys().copied().collect();
         let mut order: Vec<(usize, f64)> = weighed
@@ -134,7 +134,7 @@ impl<'f, M: Catalogue> Bootstrap<'f, M> {
         order.into_iter().map(|s| s.0).collect()
     }
 
-    /// The probability of each of some sets against the others, on the average over the draws.
+    /// Probability of each of some sets among them, averaged over the draws.
     pub fn shares(&self, of: &[usize]) -> Vec<f64> {
         let ln: Vec<&BootstrappedSet> = of.iter().filter_map(|s| self.sets.get(s)).collect();
         let mut share = vec![0.0; ln.len()];

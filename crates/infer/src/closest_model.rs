@@ -1,9 +1,8 @@
-//! The plume without a discrepancy that is nearest to what is believed.
+//! The model without discrepancy that is closest to the posterior.
 //!
-//! A discrepancy and the unknowns may do the same, so that the readings do not tell which of them does it
-//! (Brynjarsdóttir and O'Hagan 2014). The plume of the model's own form that is nearest to both together, by
-//! least squares over the readings, they do tell (Tuo and Wu 2015). A plume that is to be flown in as it
-//! stands has to be this one.
+//! A discrepancy and the unknowns can have the same effect, so the readings do not determine either alone (Brynjarsdóttir
+//! and O'Hagan 2014). They do determine the model that is closest to both together by least squares over the readings
+//! (Tuo and Wu 2015). A simulation without discrepancy must use these values.
 
 use crate::InferError;
 use crate::evidence::{Known, Products};
@@ -14,21 +13,21 @@ use crate::rows::ForwardModel;
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
 
-/// The unknowns of the nearest plume.
+/// The unknowns of the closest model.
 #[derive(Debug, Clone)]
 pub struct ClosestModel {
     /// Mean.
     pub mean: DVector<f64>,
     /// Covariance.
     pub covariance: DMatrix<f64>,
-    /// Variances before any reading: those of the priors, and what a discrepancy may add.
+    /// Prior variances, including the part of a discrepancy.
     pub prior: DVector<f64>,
 }
 
 impl ClosestModel {
-    /// The same where what is known beforehand, `prior_mean` and `prior_sd`, is known of this plume: of unknowns to which an
-    /// discrepancy or a meander adds, a posterior that knows it of the unknowns alone forgets a part. Discrepancies and
-    /// unknowns so are independent where it counts (Plumlee 2017).
+    /// Applies the priors `prior_mean` and `prior_sd` to this model instead of to the unknowns alone. A discrepancy or
+    /// meander adds to the unknowns, so a posterior with priors on the unknowns alone loses part of them. Discrepancies and
+    /// unknowns are then independent where it matters (Plumlee 2017).
     #[must_use]
     pub fn known_beforehand(self, prior_mean: &DVector<f64>, prior_sd: &DVector<f64>) -> Self {
         let Some(told) = self.covariance.clone().cholesky() else {
@@ -52,9 +51,8 @@ impl ClosestModel {
 }
 
 impl<M: ForwardModel> Problem<'_, M> {
-    /// The unknowns of the plume without a discrepancy that is nearest to what is believed. Their
-    /// standard deviations are at least those of its scatter from pass to pass, which other passes of
-    /// the same plume would have as well (White 1982).
+    /// The unknowns of the model without discrepancy that is closest to a posterior. Their standard deviations are at
+    /// least those of its scatter between passes, which further passes would show too (White 1982).
     ///
     /// # Errors
     /// Values that the model refuses.
@@ -69,7 +67,7 @@ impl<M: ForwardModel> Problem<'_, M> {
         let rows_of = |products: &Products| -> DMatrix<f64> {
             products.matrix(layout.columns).rows(first, n).into_owned()
         };
-        // What each column changes at the readings, in units of the unknowns.
+        // Effect of each column on the readings, in units of the unknowns.
         let change = rows_of(&whole);
         let mut worth = DMatrix::zeros(n, layout.tried);
         worth.columns_mut(first, n).fill_with_identity();
@@ -83,7 +81,7 @@ impl<M: ForwardModel> Problem<'_, M> {
         let nearest = &worth * (weights.rows(0, layout.tried) + &step);
         let mut covariance = to.covariance_of(&worth);
         let prior = to.prior_variance(&worth);
-        // The misfit of that plume pulls each pass elsewhere.
+        // The misfit of that model gives each pass its own pull.
         let mut from_here = -weights;
         for (place, k) in layout.weights.iter().zip(0..) {
             if k >= fit.basis.of_discrepancy() {
@@ -119,7 +117,7 @@ impl<M: ForwardModel> Problem<'_, M> {
         self.products(fit, &[], &self.passes(fit)?)
     }
 
-    /// Cuts the record into passes by how far readings stand out beside a fit.
+    /// Divides the record into passes at the excess over a fit.
     pub(crate) fn passes(&self, fit: &Fit) -> Result<Vec<Vec<Range<usize>>>, InferError> {
         let there = self.expected_of(fit)?;
         let excess: Vec<f64> = (0..self.rows.len())

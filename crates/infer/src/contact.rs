@@ -1,5 +1,5 @@
-//! Whether readings follow the plume at all: pass by pass it is turned through all directions, and
-//! held against the direction in which the model has it.
+//! Contact with the plume: whether the readings follow it at all. Each pass tries the plume in all directions and compares
+//! the best with the model's direction.
 
 use crate::InferError;
 use crate::fit::Problem;
@@ -8,34 +8,30 @@ use crate::passes::passes;
 use crate::posterior::Estimate;
 use crate::rows::{ForwardModel, Prediction};
 
-/// Directions that are tried, degrees apart.
+/// Step between the directions to try, degrees.
 const SPACING_DEG: f64 = 2.0;
 /// A pass shows the plume where turning it there gains this over no plume at all, nats: one in
 /// 160,000 of noise, and more than that allows for the directions tried.
 const SEEN_NATS: f64 = 12.0;
-/// Factors on the plume's strength that are tried with each direction: how strong it is, is another
-/// question.
+/// Factors on the plume's strength to try in each direction, because contact does not depend on strength.
 const STRENGTHS: [f64; 5] = [0.2, 0.5, 1.0, 2.0, 5.0];
 
-/// A level may be off by so many standard deviations of what is known of it.
+/// Largest offset of a sensor's level, in its prior standard deviations.
 const LEVEL_SDS: f64 = 3.0;
 
-/// How the readings meet the plume.
+/// Contact of the readings with the plume.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Contact {
-    /// Passes that show a plume, in whatever direction.
+    /// Number of passes that show a plume in any direction.
     pub passes: usize,
-    /// Part of what these gain at best that they gain where the model has the plume, within the axis drift
-    /// that is tolerated.
+    /// Gain in the model's direction, within the tolerated axis drift, as a part of the best gain.
     pub share: f64,
-    /// Turn of the axis, degrees clockwise, at which the passes meet it best, with the standard deviation
-    /// from pass to pass.
+    /// Turn of the axis of the best fit, degrees clockwise, with the standard deviation between passes.
     pub turn_deg: Estimate,
 }
 
 impl<M: ForwardModel> Problem<'_, M> {
-    /// How the readings meet the plume of the unknowns `at`, in about `count` passes; none where no pass
-    /// shows a plume.
+    /// Contact with the plume of the unknowns `at`, in about `count` passes; none if no pass shows a plume.
     pub(crate) fn contact(&self, at: &[f64], count: usize) -> Result<Option<Contact>, InferError> {
         let n = self.rows.len();
         let still = self.model.predict(at, &vec![0.0; n])?;

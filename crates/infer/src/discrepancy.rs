@@ -1,14 +1,12 @@
-//! A model's discrepancy: the plume is the model's times exp(g), with g smooth in the logarithm
-//! of the distance, in the height above and the distance across the axis, and in the time at which
-//! the air left the source (Kennedy
-//! and O'Hagan 2001; after them with a multiplicative term, since a plume's error is relative).
+//! Model discrepancy: the real plume is the model's times exp(g), with g smooth in the logarithm of the distance, in
+//! height above and distance across the axis, and in the time of emission (after Kennedy and O'Hagan 2001, but
+//! multiplicative, because a plume's error is relative).
 //!
 //! The axis may also drift: turn by an angle that is smooth in time.
 //!
 //! g and the axis drift are sums of Gaussian basis functions on a regular grid of each coordinate with independent
 //! normal weights: Gaussian processes with a squared-exponential covariance, whose size is one
-//! number for each coordinate. Where nobody has read, g keeps its size: the model may be as wrong there
-//! as it was seen to be elsewhere.
+//! number for each coordinate. Far from all readings g keeps its size: the model may be as wrong there as elsewhere.
 
 use crate::policy::Policy;
 use crate::rows::PlumePlace;
@@ -19,15 +17,15 @@ pub const COORDINATES: usize = 5;
 const TIME: usize = 3;
 /// See above.
 pub const AXIS_DRIFT: usize = 4;
-/// The exponent g comes to this at most, so that no step of a search overflows: a factor of seven.
+/// Upper limit of |g|, a factor of seven, so that no step of a search overflows.
 const MOST_EXPONENT: f64 = 2.0;
 
-/// What a discrepancy makes of a plume.
+/// Effect of a discrepancy on a plume.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Growth {
     /// exp(g).
     pub factor: f64,
-    /// What a change of the sum of weighted basis functions changes the factor by.
+    /// Derivative of the factor with respect to the weighted sum of basis functions.
     pub slope: f64,
 }
 
@@ -45,8 +43,8 @@ impl Growth {
         }
     }
 
-    /// That of a sum of weighted basis functions, which bends towards the largest exponent rather than to stop there: where
-    /// a slope ends, a search leans on rows that cannot follow.
+    /// The effect of a weighted sum of basis functions. The sum saturates smoothly: at a hard limit the derivative would
+    /// vanish and mislead a search.
     fn of(sum: f64) -> Self {
         let part = (sum / MOST_EXPONENT).tanh();
         let factor = (MOST_EXPONENT * part).exp();
@@ -60,7 +58,7 @@ impl Growth {
 /// Size along each coordinate: standard deviation of g's part, and of the axis drift in degrees.
 pub type Sizes = [f64; COORDINATES];
 
-/// Least size of a discrepancy or axis drift: as good as none, and its precision is still a number.
+/// Smallest size of a discrepancy or axis drift: negligible, with a finite precision.
 const LEAST_SIZE: f64 = 1e-4;
 
 /// Precision of weights of a size.
@@ -156,8 +154,7 @@ pub struct Basis {
 }
 
 impl Basis {
-    /// Basis functions for a discrepancy over all of `places`, those of readings in the plume and those of
-    /// which something is to be told, and for an axis drift over `time_s` and from `swing_from_s` on.
+    /// Basis functions for a discrepancy over all of `places`, and for an axis drift over `time_s` from `swing_from_s` on.
     pub fn over(
         places: impl Iterator<Item = PlumePlace> + Clone,
         time_s: &[f64],
@@ -320,8 +317,7 @@ impl Basis {
         out
     }
 
-    /// What basis functions of the discrepancy of these values and weights make of a plume; more values are left
-    /// alone.
+    /// Effect of a discrepancy with these values and weights of the basis functions; further values are ignored.
     pub(crate) fn growth(values: &[f64], weights: &[f64]) -> Growth {
         Growth::of(dot(values, weights))
     }
@@ -332,7 +328,7 @@ impl Basis {
     }
 }
 
-/// The size of a coordinate where there is none.
+/// The size of a coordinate without discrepancy or drift.
 fn least(coordinate: usize, policy: &Policy) -> f64 {
     if coordinate == AXIS_DRIFT {
         0.0
@@ -421,8 +417,8 @@ impl Policy {
         })
     }
 
-    /// Of sizes what is tolerated: no discrepancy but a slow change of strength as a wind's speed makes,
-    /// and an axis drift about as wide as the wander that is.
+    /// Limits sizes to the tolerated ones: no discrepancy except a slow change of strength, such as that of the wind speed,
+    /// and an axis drift of about the tolerated wander.
     pub(crate) fn tolerated_sizes(&self, sizes: &Sizes) -> Sizes {
         std::array::from_fn(|k| match k {
             AXIS_DRIFT => {

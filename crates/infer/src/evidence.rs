@@ -1,6 +1,6 @@
-//! Evidence of a linear problem for any sizes of the discrepancy and any mechanisms, from the products
-//! of its whitened columns: unknowns are integrated out one after the other, those whose priors
-//! change least often first, so that what was done is kept for the next.
+//! Evidence of a linear problem for any sizes of the discrepancy and any mechanisms, from the products of its whitened
+//! columns. Unknowns are integrated out in turn, those with the least variable priors first, so that partial results can
+//! be reused.
 
 use crate::discrepancy::{COORDINATES, Sizes, precision_of};
 use nalgebra::{Cholesky, DMatrix, DMatrixView, DMatrixViewMut, DVector, Dyn};
@@ -11,11 +11,10 @@ use std::collections::BTreeMap;
 const ORDER: [usize; COORDINATES] = [4, 3, 2, 1, 0];
 /// Columns whose products are taken at once.
 const BLOCK: usize = 32;
-/// Coordinates after which the rest is kept for the next sizes.
+/// Number of coordinates after which the partial result is cached.
 const KEPT: usize = 2;
 
-/// Where the columns of a problem stand: weights of the coordinates in `ORDER`, unknowns, columns
-/// of mechanisms that are tried, misfit.
+/// Order of the columns of a problem: weights of the coordinates in `ORDER`, unknowns, columns of tried mechanisms, misfit.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Layout {
     counts: [usize; COORDINATES],
@@ -122,13 +121,13 @@ impl Products {
     }
 }
 
-/// What is known beforehand of the columns: precision, and how far the point lies from the middle.
+/// Priors of the columns: precisions, and offsets of the point from the prior means.
 #[derive(Debug, Clone)]
 pub(crate) struct Known {
     pub layout: Layout,
     /// Precisions of the unknowns.
     pub precision: Vec<f64>,
-    /// Offsets of all columns from the middle of what is known; zero for tried ones.
+    /// Offsets of all columns from their prior means; zero for tried ones.
     pub offset: Vec<f64>,
 }
 
@@ -148,7 +147,7 @@ impl Known {
         out
     }
 
-    /// What the unknowns alone are told by `products` and beforehand: their precision.
+    /// Posterior precision of the unknowns alone, from `products` and priors.
     pub fn of_unknowns(&self, products: &Products) -> Option<Cholesky<f64, Dyn>> {
         let (first, n) = (self.layout.unknowns, self.precision.len());
         let products = products.matrix(self.layout.columns);
@@ -183,7 +182,7 @@ impl Known {
     }
 }
 
-/// A problem of which the first unknowns are integrated out.
+/// A problem with its first unknowns integrated out.
 #[derive(Debug, Clone)]
 pub(crate) struct Reduced {
     n: usize,
@@ -272,7 +271,7 @@ impl Reduced {
     }
 }
 
-/// Problems of several sizes, of which what they share is done once.
+/// Problems of several sizes that share partial results.
 pub(crate) struct Evidence<'a> {
     known: &'a Known,
     whole: Reduced,

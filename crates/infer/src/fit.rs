@@ -1,6 +1,5 @@
-//! The fit: the most probable unknowns, discrepancy and drift of the axis, by Gauss-Newton
-//! steps under the noise's own metric, and the linear problem there, from which evidence and
-//! standard deviations follow.
+//! The fit: the most probable unknowns, discrepancy and axis drift by Gauss-Newton steps under the metric of the noise,
+//! and the linearised problem there, which gives evidence and standard deviations.
 
 use crate::InferError;
 use crate::discrepancy::{AXIS_DRIFT, Active, Basis, Growth, Sizes, precision_of};
@@ -20,7 +19,7 @@ use std::sync::Arc;
 const DIFFERENCE_DEG: f64 = 0.05;
 /// Longest step of a weight, in its own standard deviations.
 const LONGEST_WEIGHT_SD: f64 = 2.0;
-/// A step that does not gain is made shorter by this, down to the shortest part.
+/// Factor that shortens a step without gain, and its shortest part.
 const SHORTER: f64 = 0.4;
 const SHORTEST_PART: f64 = 1e-3;
 /// A row counts as in the plume where the plume's part is more than this of its largest.
@@ -37,7 +36,7 @@ const ROWS_AT_ONCE: usize = 256;
 /// Most steps of one search for the noise.
 const NOISE_STEPS: usize = 25;
 
-/// What is to be explained, by what, under which rules.
+/// A model, the readings that it should explain, and the rules.
 #[derive(Debug)]
 pub struct Problem<'a, M> {
     pub(crate) model: &'a M,
@@ -46,11 +45,11 @@ pub struct Problem<'a, M> {
     pub(crate) sensor_sd: f64,
     pub(crate) asked: &'a [PlumePlace],
     pub(crate) turning: Arc<AxisDrift>,
-    /// How concentrations fluctuate.
+    /// Distribution of the concentration fluctuation.
     pub(crate) fluctuation: FluctuationLaw,
 }
 
-/// How an axis drift turns the rows: the same for all models of them that differ in mechanisms alone.
+/// Effect of an axis drift on the rows, which all sets of mechanisms share.
 #[derive(Debug)]
 pub(crate) struct AxisDrift {
     /// Basis functions of an axis drift alone, which those of every basis end with, and their values, row after row.
@@ -83,7 +82,7 @@ impl AxisDrift {
     }
 }
 
-/// Values of all that is unknown but the noise.
+/// Values of everything unknown except the noise.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Point {
     /// The model's unknowns.
@@ -109,13 +108,13 @@ pub struct Fit {
     fluctuation: Fluctuation,
     /// The model near the point; none where the point is another's.
     tangent: Option<Arc<Tangent>>,
-    /// What each row reads beyond what is expected; zero where it is not used.
+    /// Reading minus prediction of each row; zero for unused rows.
     pub misfit: Vec<f64>,
-    /// The same as the noise explains it: linear in every part of it. Whitened it is a sum of squares.
+    /// The same, linear in every part of the noise, so that whitened it is a sum of squares.
     pub(crate) linear_misfit: Vec<f64>,
 }
 
-/// What misfits are measured with, held while a fit steps.
+/// The metric of misfits, constant during the steps of a fit.
 pub(crate) struct Metric {
     pub loadings: Loadings,
     /// The same of a plume that does not fluctuate, and that plume.
@@ -135,18 +134,18 @@ struct Linearised {
     cost: f64,
 }
 
-/// A model near a point, row by row, under a fluctuation: dear to compute, and the same for every noise and size.
+/// A model near a point, row by row: expensive, and independent of noise and sizes.
 #[derive(Debug)]
 pub(crate) struct Tangent {
     here: Prediction,
-    /// What each unknown changes at every row.
+    /// Derivative of every row with respect to each unknown.
     slopes: Vec<Vec<f64>>,
 }
 
-/// A model near a point with what the weights change, row by row.
+/// A model near a point with the derivatives of the weights, row by row.
 struct Local {
     tangent: Arc<Tangent>,
-    /// What a change of the discrepancy's exponent changes at every row.
+    /// Derivative of every row with respect to the discrepancy's exponent.
     per_discrepancy: Vec<f64>,
     /// The values of the basis functions of the discrepancy that may have weights, row after row.
     basis_functions: Vec<f64>,
@@ -178,7 +177,7 @@ impl Shape<'_> {
     }
 }
 
-/// What the discrepancy and the fluctuation make of the plume at every row.
+/// Effect of discrepancy and fluctuation on the plume at every row.
 fn growth_of(
     basis_functions: &[f64],
     active: &Active,
@@ -198,13 +197,13 @@ fn growth_of(
         .collect()
 }
 
-/// The plume of a prediction with what discrepancy and fluctuation make of it.
+/// The plume of a prediction with discrepancy and fluctuation.
 fn grown(there: &Prediction, growth: &[Growth]) -> Vec<f64> {
     let plume = there.plume.iter().zip(growth);
     plume.map(|(p, g)| p * g.factor).collect()
 }
 
-/// What is steady of an axis drift: its mean and its slope.
+/// Number of steady parts of an axis drift: its mean and its slope.
 const STEADY: usize = 2;
 
 /// Means of basis functions over rows, and the standard deviations over rows of the straight lines through them.
@@ -224,8 +223,8 @@ fn steady(time_s: &[f64], basis_functions: &[f64], count: usize) -> [Vec<f64>; S
     [mean, slope]
 }
 
-/// Whether rows stick out of those before and after them: a plume that is not expected comes and goes,
-/// and must not be taken for one spike after the other.
+/// Whether rows differ abruptly from those before and after them. An unexpected plume rises and falls gradually, so it
+/// does not count as a series of spikes.
 fn stands_out(misfit: &[f64], series: Range<usize>, rows: Range<usize>) -> bool {
     let beside = |edge: usize, neighbour: Option<usize>| {
         let neighbour = neighbour.filter(|n| series.contains(n));
@@ -236,9 +235,8 @@ fn stands_out(misfit: &[f64], series: Range<usize>, rows: Range<usize>) -> bool 
 }
 
 impl<'a, M: ForwardModel> Problem<'a, M> {
-    /// `rows` to be explained by `model` under the rules of `policy`. `sensor_sd` is the standard
-    /// deviation of the sensor's own noise, in the unit of the readings; `asked` are places of which
-    /// something is to be told besides those that were read.
+    /// A problem of `rows` and `model` under the rules of `policy`. `sensor_sd` is the standard deviation of the sensor's own
+    /// noise, in the unit of the readings; `asked` are further places that need a prediction.
     pub fn new(
         model: &'a M,
         rows: &'a Rows,
@@ -262,13 +260,12 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         self.model.priors().len()
     }
 
-    /// The noise that is most probable before any reading.
+    /// The most probable noise of the prior.
     pub(crate) fn prior_noise(&self) -> Noise {
         Noise::from_ln(self.noise_prior().map(|(mean, _)| mean))
     }
 
-    /// Noise as small as one standard deviation of what is known beforehand lets it be, but for its white
-    /// part.
+    /// Noise one prior standard deviation below its median, except for the white part.
     pub(crate) fn quiet_noise(&self) -> Noise {
         let known = self.noise_prior();
         let mut ln = known.map(|(mean, _)| mean);
@@ -289,7 +286,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         std::array::from_fn(|k| (mean[k], sd[k]))
     }
 
-    /// Density of the noise beforehand, up to a constant, nats.
+    /// Log prior density of the noise up to a constant, nats.
     pub(crate) fn ln_noise_prior(&self, noise: &Noise) -> f64 {
         let ln = noise.ln();
         let z = |(k, (mean, sd)): (usize, (f64, f64))| ((ln[k] - mean) / sd).powi(2);
@@ -340,7 +337,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
             .collect()
     }
 
-    /// A fit to other rows with the basis functions of an axis drift over these, whose turns are as near as may be.
+    /// A fit to other rows with its axis drift expressed in the basis functions of these rows.
     pub(crate) fn with_own_axis_drift(&self, fit: &Fit) -> Fit {
         let mut turns = vec![0.0; self.rows.len()];
         for (row, turn) in turns.iter_mut().enumerate() {
@@ -440,7 +437,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         self.refit_noise_within(fit, |noise| *noise)
     }
 
-    /// Noise, no part of which is larger than is tolerated.
+    /// Noise limited to the tolerated sizes.
     pub(crate) fn tolerated(&self, noise: &Noise) -> Noise {
         let most = &self.policy.noise_tolerated;
         Noise {
@@ -452,7 +449,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         }
     }
 
-    /// The same, no part of the noise larger than is tolerated.
+    /// The same with noise limited to the tolerated sizes.
     ///
     /// # Errors
     /// Values that the model refuses.
@@ -486,7 +483,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         self.settle(point, &shape, Noise::from_ln(ln), inflation, tangent)
     }
 
-    /// Density of the noise beside the misfit of a fit, nats, up to a constant.
+    /// Log density of the noise given the misfit of a fit, up to a constant, nats.
     pub(crate) fn ln_noise_density(&self, fit: &Fit, noise: &Noise) -> f64 {
         let (loadings, inflation) = (&fit.loadings, &fit.inflation);
         log_likelihood(self.rows, noise, loadings, inflation, &fit.linear_misfit)
@@ -541,7 +538,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         })
     }
 
-    /// The point that normal fluctuation lets settle, with the metric and the model linearised there.
+    /// The converged point under normal fluctuation, with the metric and the model linearised there.
     fn settle_normal(
         &self,
         start: Point,
@@ -582,7 +579,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         Ok((point, metric, here))
     }
 
-    /// The point that log-normal fluctuation lets settle from one near it, with the metric there.
+    /// The converged point under log-normal fluctuation from one near it, with the metric there.
     fn settle_log_normal(
         &self,
         start: Point,
@@ -697,8 +694,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         Ok((point, here, most_steps))
     }
 
-    /// Steps under a metric of somebody's own: the point that they come to, and minus its density, nats,
-    /// up to a constant.
+    /// Converges under a given metric; returns the point and minus its log density up to a constant, nats.
     pub(crate) fn steps_under(
         &self,
         start: &Point,
@@ -713,7 +709,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         Ok((point, here.cost))
     }
 
-    /// How far unknowns and active weights are from the middle of what is known beforehand.
+    /// Offsets of unknowns and active weights from their prior means.
     fn offset_of(&self, point: &Point, shape: &Shape<'_>) -> DVector<f64> {
         let priors = self.model.priors().iter();
         let unknowns = point.at.iter().zip(priors).map(|(x, p)| x - p.mean);
@@ -722,15 +718,15 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         DVector::from_vec(all)
     }
 
-    /// Minus the density beforehand of unknowns and weights, nats, up to a constant.
+    /// Minus the log prior density of unknowns and weights up to a constant, nats.
     fn prior_cost(&self, point: &Point, shape: &Shape<'_>) -> f64 {
         let offset = self.offset_of(point, shape);
         let square = |(o, p): (&f64, &f64)| p * o * o;
         0.5 * offset.iter().zip(&shape.precision).map(square).sum::<f64>()
     }
 
-    /// The next point: the longest part of the Gauss-Newton step that gains, with its cost and what else `cost`
-    /// gives; none where none does.
+    /// The next point: the longest part of the Gauss-Newton step with a gain, with its cost and the second result of `cost`;
+    /// none without a gain.
     fn step<T>(
         &self,
         point: &Point,
@@ -766,7 +762,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         None
     }
 
-    /// By what a step exceeds what a linear problem can be trusted for; one where it does not.
+    /// Factor by which a step exceeds the validity of the linearised problem; at least one.
     fn excess(&self, step: &DVector<f64>, precision: &[f64]) -> f64 {
         let unknowns = self.unknowns();
         let of = |(k, (s, p)): (usize, (&f64, &f64))| {
@@ -784,8 +780,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
             .fold(1.0, f64::max)
     }
 
-    /// What the rows read beyond what is expected at a point near where the model was linearised, as a metric's
-    /// noise explains it; none where the model refuses the point.
+    /// Misfit at a point near the linearisation, linear in the noise of a metric; none if the model rejects the point.
     fn misfit_under(
         &self,
         metric: &Metric,
@@ -820,7 +815,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         whitener.whiten(self.rows, column, 1);
     }
 
-    /// What discrepancy and fluctuation make of the plume at every row of a fit.
+    /// Factors of discrepancy and fluctuation on the plume at every row of a fit.
     pub(crate) fn factors(&self, fit: &Fit) -> Result<Vec<f64>, InferError> {
         let active = fit.basis.weighted(&fit.point.weights);
         let here = self.expected_of(fit)?;
@@ -829,7 +824,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         Ok(growth.iter().map(|g| g.factor).collect())
     }
 
-    /// What the rows read beyond a prediction whose plume has grown.
+    /// Readings minus a prediction with discrepancy.
     fn misfit(&self, there: &Prediction, growth: &[Growth]) -> Vec<f64> {
         let of = |i: usize| {
             if !self.rows.is_used(i) {
@@ -1033,7 +1028,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         out
     }
 
-    /// What is expected at a point, whose `tangent` may be known.
+    /// Prediction at a point, whose `tangent` may be known.
     fn expected<'t>(
         &self,
         point: &Point,
@@ -1047,7 +1042,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         }
     }
 
-    /// What is expected at a fit's point.
+    /// Prediction at a fit's point.
     pub(crate) fn expected_of<'f>(&self, fit: &'f Fit) -> Result<Cow<'f, Prediction>, InferError> {
         self.expected(&fit.point, fit.tangent.as_ref())
     }
@@ -1083,8 +1078,8 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         })
     }
 
-    /// What unknowns and weights change at row `i`, and the misfit as the last; the first `of_form` of the
-    /// weights are of the discrepancy, the others of the axis drift.
+    /// Derivatives of row `i` with respect to unknowns and weights, and the misfit as the last; the first `of_discrepancy`
+    /// weights belong to the discrepancy, the others to the axis drift.
     fn fill_row(
         &self,
         local: &Local,
@@ -1163,7 +1158,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         let places = layout.weights.iter().copied().enumerate();
         let steady = self.steady_rows(&fit.basis, &fit.point.weights, layout.columns, places);
         let turned = Products::of(&steady, layout.columns, 0.0);
-        // What is known of the axis drift belongs to no pass: each has its part.
+        // The prior of the axis drift belongs to no single pass, so each gets a share.
         let part = 1.0 / products.len().max(1) as f64;
         products.iter_mut().for_each(|p| p.add(&turned, part));
         let mut offset = vec![0.0; layout.columns];

@@ -1,4 +1,4 @@
-//! What the other passes say of one that was held out: what is expected there, and how well.
+//! Hold-out prediction: readings of a pass predicted from the others, and the log score.
 
 use crate::InferError;
 use crate::discrepancy::{AXIS_DRIFT, Sizes};
@@ -8,8 +8,8 @@ use crate::parallel_map::parallel_map;
 use crate::rows::Prediction;
 use std::ops::Range;
 
-/// A held-out pass meets a plume that drifts anywhere: turns over which its mean is taken, to so many
-/// standard deviations on both sides, and the number of them.
+/// The axis in a held-out pass is unknown, so the prediction is a mean over turns: their range in standard deviations to
+/// both sides, and their number.
 const REACH_SD: f64 = 2.5;
 const TURNS: usize = 15;
 
@@ -32,21 +32,21 @@ impl ByPass {
         sum
     }
 
-    /// Log evidence of passes that count so often.
+    /// Log evidence with these weights of the passes.
     pub fn ln(&self, times: &[f64]) -> f64 {
         let sum = self.sum(times);
         let mut evidence = Evidence::new(&sum, &self.known);
         evidence.ln(&self.sizes) + self.ln_more
     }
 
-    /// What each pass says of itself when the others are known, nats.
+    /// Log predictive density of each pass given the others, nats.
     pub fn hold_out(&self) -> Vec<f64> {
         let n = self.products.len();
         let all = self.ln(&vec![1.0; n]);
         (0..n).map(|k| all - self.ln(&all_but(n, k))).collect()
     }
 
-    /// The step of the unknowns from the fit's point where a pass is held out.
+    /// Step of the unknowns from the fit's point without a pass.
     fn step_without(&self, k: usize, coordinates: &[usize]) -> Option<Vec<f64>> {
         let sum = self.sum(&all_but(self.products.len(), k));
         let coordinates = coordinates.iter().copied();
@@ -55,20 +55,19 @@ impl ByPass {
     }
 }
 
-/// Every pass once but one.
+/// Weight one for every pass except one.
 fn all_but(n: usize, k: usize) -> Vec<f64> {
     let mut times = vec![1.0; n];
     times[k] = 0.0;
     times
 }
 
-/// What is expected of passes by what the others say, without any discrepancy: what an extended
-/// model alone is worth.
+/// Predictions of held-out passes without discrepancy: the skill of the extended model alone.
 #[derive(Debug, Clone, Default)]
 pub struct Expected {
     /// The reading of each row.
     pub reading: Vec<f64>,
-    /// What of it is due to the plume.
+    /// The plume's part of it.
     pub plume: Vec<f64>,
     /// Log score of each pass, nats.
     pub ln: Vec<f64>,
@@ -92,9 +91,8 @@ impl Question<'_> {
         })
     }
 
-    /// What sets without and with a mechanism expect of every pass when they have seen only the others: both for an
-    /// axis that is as unknown as with the mechanism. Else a set that follows an axis drift would be blurred alone, or one
-    /// that explains an axis drift for the other's sake.
+    /// Predictions of every held-out pass by sets without and with a mechanism. Both use the axis uncertainty of the set
+    /// with the mechanism; otherwise only one of them would be blurred.
     ///
     /// # Errors
     /// Values that the model refuses.
@@ -111,13 +109,12 @@ impl Question<'_> {
         ])
     }
 
-    /// How much the axis may be off in a pass that nobody has seen: its axis drift and its wander, degrees.
+    /// Standard deviation of the axis in a held-out pass: its drift and its wander, degrees.
     fn unseen_deg<M: Catalogue>(&self, of: &FittedSet<M>) -> f64 {
         of.likeliest_sizes()[AXIS_DRIFT].hypot(of.fit().noise.wander_deg)
     }
 
-    /// What a set expects of every pass when it has seen only the others and the axis may be off by
-    /// `sd_deg`.
+    /// Predictions of every held-out pass by a set, with the axis uncertain by `sd_deg`.
     ///
     /// # Errors
     /// Values that the model refuses.

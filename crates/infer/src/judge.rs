@@ -1,5 +1,5 @@
-//! What stands of the sets that were found: mechanisms have to be probable and to predict passes that they have not seen,
-//! and must leave no discrepancy that explains more.
+//! Acceptance of candidate sets: a reported mechanism must be probable and must predict held-out passes, and the set
+//! must leave no discrepancy with more evidence.
 
 use crate::InferError;
 use crate::background::Along;
@@ -14,40 +14,40 @@ use crate::probability::Features;
 use std::collections::BTreeSet;
 use std::ops::Range;
 
-/// A mechanism makes held-out passes significantly worse where that many of the draws say so: one side of
-/// 95 %.
+/// A mechanism makes held-out errors significantly worse when they grow in this part of the bootstrap draws: the
+/// one-sided 97.5 % level.
 const WORSE: f64 = 0.975;
-/// Held-out passes are to be expected better with a mechanism than without by some measure in this part of the draws: evidence alone,
-/// which also tells how errors hang together, identifies nothing.
+/// At least one error measure on held-out passes must improve in this part of the draws. Evidence also rewards a better
+/// error correlation, so evidence alone identifies no cause.
 const NO_BETTER: f64 = 0.5;
-/// No cause is named by which held-out passes do not gain: it would extend a scenario that it does not help.
+/// Largest probability of a cause that does not improve held-out passes: such a cause must not extend a scenario.
 const MOST_WITHOUT_GAIN: f64 = 0.94;
-/// Fluctuation from which its law matters: a log-normal factor of this size has a skewness of one, a normal one none.
+/// Fluctuation intensity from which its distribution matters: a log-normal factor of this size has a skewness of one.
 const STRONG_FLUCTUATION: f64 = 0.3;
-/// Most sets that are judged, the likeliest over passes drawn anew,
+/// Number of sets to judge, the most probable over bootstrap draws of the passes,
 const SETS_JUDGED: usize = 8;
-/// ... of those that are as probable as this over passes drawn anew.
+/// ... among those with at least this probability.
 const LEAST_SHARE: f64 = 0.02;
 
-/// A cause: mechanisms of which the readings do not tell which one it is.
+/// A cause: a credible set of mechanisms that the readings cannot distinguish.
 #[derive(Debug, Clone)]
 pub struct Cause<T> {
-    /// The likeliest first, with their probabilities; the first is the one in the set that stands.
+    /// Mechanisms with their probabilities, the most probable first; the first belongs to the accepted set.
     pub mechanisms: Vec<(T, f64)>,
     /// Probability that one of them is at work.
     pub probability: f64,
     /// The same by evidence alone.
     pub by_evidence: f64,
-    /// What the probability follows from besides.
+    /// Further inputs of the probability.
     pub features: Features,
     /// Gain of the log evidence over the set without it, nats.
     pub gain: f64,
-    /// Nats to the likeliest that is not among them.
+    /// Distance to the most probable mechanism outside the set, nats.
     pub nats_to_next: f64,
-    /// Gain on held-out passes, nats, and its lower bound, which four in five exceed.
+    /// Gain of the log score on held-out passes, nats, and its one-sided 80 % lower bound.
     pub hold_out: (f64, f64),
-    /// Part of the draws in which root mean square error, normalised mean square error and mean absolute error on passes
-    /// held out are worse with it than without; zero where it does not stand anyway.
+    /// Part of the draws in which RMSE, NMSE and mean absolute error on held-out passes grow with this cause; zero for a
+    /// cause that is rejected anyway.
     pub worse: [f64; 3],
 }
 
@@ -76,7 +76,7 @@ impl<T> Cause<T> {
     }
 }
 
-/// What of the base has to be given up where readings deviate from it beyond what is ordinary.
+/// The assumption of the base model that an unexplained deviation violates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RestKind {
     /// The sizes of the noise: white, slow, fluctuation, fast wander of the axis.
@@ -85,44 +85,44 @@ pub enum RestKind {
     AxisMotion,
     /// The form of the mean plume.
     Discrepancy,
-    /// A background that is the same all the time and at all heights.
+    /// A background that is constant in time and with height.
     Background(Along),
     /// Nothing: a mechanism explains much, but fails a check.
     None,
 }
 
-/// How readings deviate from a set of mechanisms and ordinary air.
+/// Deviation of the readings from a set of mechanisms in ordinary air.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rest {
-    /// Log evidence of discrepancy, axis drift and noise beyond what is ordinary, nats.
+    /// Log evidence of discrepancy, axis drift and noise above the tolerated sizes, nats.
     pub nats: f64,
-    /// Which of them has most of it.
+    /// The largest contribution.
     pub kind: RestKind,
 }
 
-/// What stands.
+/// The accepted set and its alternatives.
 #[derive(Debug, Clone)]
 pub struct Judgement<M: Catalogue> {
-    /// The set that stands; the base where it has no mechanisms.
+    /// The accepted set; the base if no mechanism is accepted.
     pub set: FittedSet<M>,
-    /// Its mechanisms, each with what the readings do not tell from it.
+    /// Its mechanisms, each with those that the readings cannot distinguish from it.
     pub causes: Vec<Cause<M::Hypothesis>>,
-    /// Mechanisms of the likeliest sets that do not stand, the strongest first.
+    /// Rejected mechanisms of the most probable sets, the strongest first.
     pub dropped: Vec<Cause<M::Hypothesis>>,
-    /// Whether so much speaks for one of these that the set does not explain the readings.
+    /// Whether the evidence for a rejected mechanism is so large that the set does not explain the readings.
     pub is_doubted: bool,
-    /// What the set leaves unexplained.
+    /// The deviation that the set leaves unexplained.
     pub rest: Rest,
-    /// What explains most where there is a rest, with probabilities over passes drawn anew.
+    /// Candidates for an unexplained deviation, with probabilities over bootstrap draws.
     pub candidates: Vec<(FittedSet<M>, f64)>,
-    /// The passes by which it was judged.
+    /// The passes used for hold-out scores and the bootstrap.
     pub passes: Vec<Vec<Range<usize>>>,
-    /// The causes of every set that was judged, in the order of judging.
+    /// The causes of every judged set, in order.
     pub considered: Vec<Vec<Cause<M::Hypothesis>>>,
 }
 
 impl Question<'_> {
-    /// Cuts the record into passes by how far readings stand out beside a set.
+    /// Divides the record into passes at the excess over a fitted set.
     ///
     /// # Errors
     /// Values that the model refuses.
@@ -133,8 +133,7 @@ impl Question<'_> {
         self.beside(of, &of.model).passes(of.fit())
     }
 
-    /// Judges sets that a search found, the likeliest first and the base among them; `seed` draws
-    /// passes anew.
+    /// Judges the sets of a search, ordered by probability and including the base; `seed` drives the bootstrap.
     ///
     /// # Errors
     /// Values that the model refuses.
@@ -170,8 +169,8 @@ impl Question<'_> {
         })
     }
 
-    /// Judges the likeliest sets until the base: from each the weakest mechanism that does not stand is taken until all
-    /// of them do. Of what is left of each the set with the most mechanisms is the answer, the likeliest of these.
+    /// Judges the most probable sets down to the base. From each it removes the weakest rejected mechanism until all are
+    /// accepted. The answer is the largest remaining set, and the most probable of several.
     fn standing<M: Catalogue>(
         &self,
         found: &[FittedSet<M>],
@@ -213,7 +212,7 @@ impl Question<'_> {
         Ok(out)
     }
 
-    /// The largest deviation beside the mechanisms of a set: of the plume, or of a background that varies.
+    /// The largest deviation that a set leaves: of the plume, or of a background that varies.
     fn rest<M: Catalogue>(
         &self,
         set: &FittedSet<M>,
@@ -221,7 +220,7 @@ impl Question<'_> {
     ) -> Result<Rest, InferError> {
         let rest = self.rest_of_plume(set, passes)?;
         let (nats, along) = self.background_gain(set)?;
-        // Held-out passes, at other times, cannot gain by it.
+        // No hold-out score: the background of other passes says nothing of that of one.
         if nats > self.policy.rest_alone_nats.max(rest.nats) {
             let kind = RestKind::Background(along);
             return Ok(Rest { nats, kind });
@@ -229,8 +228,8 @@ impl Question<'_> {
         Ok(rest)
     }
 
-    /// Log evidence of the discrepancy, of more axis drift and of more noise than is tolerated beside the
-    /// mechanisms of a set; none where it is not much and held-out passes do not gain by it.
+    /// Log evidence of discrepancy, axis drift and noise above the tolerated sizes; zero if it is small and held-out
+    /// passes do not improve.
     fn rest_of_plume<M: Catalogue>(
         &self,
         set: &FittedSet<M>,
@@ -248,7 +247,7 @@ impl Question<'_> {
                 ..none
             });
         }
-        // Strong fluctuation is log-normal: puffs of several times the mean are no discrepancy.
+        // Strong fluctuation is log-normal, so a puff of several times the mean is no discrepancy.
         let fluctuating = self.log_normal(&plain)?;
         let nats = nats.min(set.ln_score() - fluctuating.ln_score());
         if nats <= self.policy.rest_nats {
@@ -263,7 +262,7 @@ impl Question<'_> {
         Ok(Rest { nats, kind })
     }
 
-    /// Which freedom alone brings back most of what a set has beyond ordinary air.
+    /// The freedom that alone recovers most of the evidence above ordinary air.
     fn rest_kind<M: Catalogue>(&self, set: &FittedSet<M>) -> Result<RestKind, InferError> {
         let found = set.likeliest_sizes();
         let ordinary = self.policy.tolerated_sizes(&found);
@@ -285,7 +284,7 @@ impl Question<'_> {
         Ok(best.map_or(RestKind::None, |b| b.1))
     }
 
-    /// Whether held-out passes gain by what a set has beyond another.
+    /// Whether a set predicts held-out passes better than another.
     fn passes_gain<M: Catalogue>(
         &self,
         set: &FittedSet<M>,
@@ -302,7 +301,7 @@ impl Question<'_> {
         Ok(sum_and_low(&gains).1 > 0.0)
     }
 
-    /// Whether a mechanism stands.
+    /// Whether to accept a cause.
     fn stands<T>(&self, cause: &Cause<T>) -> bool {
         cause.probability >= self.policy.stated
             && cause.mechanisms.len() <= self.policy.most_candidates
@@ -310,7 +309,7 @@ impl Question<'_> {
             && cause.worse.iter().any(|w| *w <= NO_BETTER)
     }
 
-    /// The mechanisms of a set, each with what it is worth.
+    /// The causes of a set with their probabilities.
     fn causes<M: Catalogue>(
         &self,
         drawn: &mut Bootstrap<'_, M>,
@@ -410,8 +409,8 @@ impl Question<'_> {
         Ok(cause)
     }
 
-    /// What of the gain of a set over one without a mechanism log-normal fluctuation has as well, nats: puffs of several times
-    /// the mean look like a cause to a normal law.
+    /// Part of a mechanism's gain that log-normal fluctuation explains as well, nats: to a normal distribution a puff of
+    /// several times the mean looks like a cause.
     fn due_to_fluctuation<M: Catalogue>(
         &self,
         set: &FittedSet<M>,
@@ -446,8 +445,8 @@ impl Question<'_> {
         worse.map(|w| w / passes.draws.len() as f64)
     }
 
-    /// What of the sets without discrepancy explains most, each with the part of the draws in which it is
-    /// the likeliest; no more than the policy's number, and no more than hold nearly all.
+    /// The best sets without discrepancy, each with the part of the draws in which it is the most probable: at most the
+    /// policy's number, and no more than needed for nearly all of the probability.
     fn candidates<M: Catalogue>(
         &self,
         plain: &[FittedSet<M>],
@@ -499,9 +498,9 @@ impl Question<'_> {
     }
 }
 
-/// What is left of the likeliest sets.
+/// The result of judging all sets.
 struct Standing<M: Catalogue> {
-    /// Index of the set that stands.
+    /// Index of the accepted set.
     set: usize,
     causes: Vec<Cause<M::Hypothesis>>,
     dropped: Vec<Cause<M::Hypothesis>>,
@@ -509,7 +508,7 @@ struct Standing<M: Catalogue> {
 }
 
 impl<M: Catalogue> Standing<M> {
-    /// Leaves of the mechanisms that were dropped those that no cause has, each once, the most probable first.
+    /// Keeps rejected mechanisms that no accepted cause contains, each once, the most probable first.
     fn forget_what_is_stated(&mut self) {
         let causes = &self.causes;
         let is_stated = |mechanism: &M::Hypothesis| {
@@ -524,15 +523,15 @@ impl<M: Catalogue> Standing<M> {
     }
 }
 
-/// How far a mechanism departs from doing nothing.
+/// Distance of a mechanism's parameters from their neutral values.
 struct Departure {
     /// Standard deviations.
     departs_sd: f64,
-    /// By what these are larger for the scatter from pass to pass.
+    /// Factor by which the scatter between passes widens these.
     widening: f64,
 }
 
-/// Of each mechanism of a set.
+/// The departure of each mechanism of a set.
 fn departures<M: Catalogue>(set: &FittedSet<M>, posterior: &Posterior) -> Vec<Departure> {
     let (mean, covariance) = (posterior.mean(), posterior.covariance());
     let unknowns = |n: &M::Hypothesis| M::start(n).nothing.len();
@@ -557,7 +556,7 @@ fn departures<M: Catalogue>(set: &FittedSet<M>, posterior: &Posterior) -> Vec<De
     set.mechanisms.iter().map(of).collect()
 }
 
-/// Sets that were found with one mechanism in the place of the `k`-th of a set, its own first: the likeliest of each mechanism.
+/// Sets that replace the `k`-th mechanism of a set by another, its own first: the most probable set of each.
 fn rivals<'f, M: Catalogue>(
     found: &'f [FittedSet<M>],
     set: &FittedSet<M>,
@@ -579,7 +578,7 @@ fn rivals<'f, M: Catalogue>(
             rivals.push((own, index));
         }
     }
-    // The mechanism of the set itself stands first, whatever else is as likely.
+    // The set's own mechanism comes first, even if another is as probable.
     rivals.sort_by_key(|r| !M::same_cause(r.0, &set.mechanisms[k]));
     rivals
 }
@@ -629,7 +628,7 @@ impl Errors {
     }
 }
 
-/// Sum over passes, and its lower bound by their scatter, which four in five exceed.
+/// Sum over passes, and its one-sided 80 % lower bound from their scatter.
 fn sum_and_low(gains: &[f64]) -> (f64, f64) {
     let n = gains.len() as f64;
     let sum: f64 = gains.iter().sum();

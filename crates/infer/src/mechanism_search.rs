@@ -1,9 +1,7 @@
-//! The search over sets of mechanisms: which of a catalogue's causes, alone or together, explain the
-//! readings better than the base with its discrepancy does.
+//! Beam search over sets of mechanisms that explain the readings better than the base model with its discrepancy.
 //!
-//! From a fit every cause is tried as further columns of the linear problem there, under all sizes
-//! of the discrepancy that count; the most promising are fitted, and from each of these the next is
-//! looked for (a beam search).
+//! At a fit, each mechanism adds columns to the linearised problem, which gives its evidence for every probable size of
+//! the discrepancy. The search fits the most promising sets and extends each of them again.
 
 use crate::InferError;
 use crate::closest_model::ClosestModel;
@@ -17,40 +15,39 @@ use crate::policy::Policy;
 use crate::posterior::{Posterior, REFITS, Weighed};
 use crate::rows::{ForwardModel, PlumePlace, Prediction, Rows};
 
-/// Where the search for a cause starts, in the coordinates of its unknowns.
+/// Start of the search for a mechanism, in the coordinates of its unknowns.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Start {
-    /// Values at which it does nothing; not finite for a limit, which does nothing at infinity.
+    /// Neutral values; infinite for a limit, which is neutral at infinity.
     pub nothing: Vec<f64>,
-    /// Values at the ends of the directions along which it departs from that.
+    /// End points of the directions of search from the neutral values.
     pub ends: Vec<Vec<f64>>,
-    /// Prior standard deviation of the way along each direction, in parts of it.
+    /// Prior standard deviation along each direction, as a part of its length.
     pub amplitude_sd: Vec<f64>,
-    /// Whether only one sense of the directions has a meaning.
+    /// Whether only the positive sense of the directions is physical.
     pub one_sided: bool,
-    /// Logarithm of the share that this start has in its cause's prior, where the starts of one cause
-    /// exclude each other.
+    /// Logarithm of this start's share of the mechanism's prior, where starts exclude each other.
     pub ln_share: f64,
-    /// Logarithm of how probable the cause is beforehand, beside the others of the catalogue.
+    /// Log prior probability of the mechanism relative to the others of the catalogue.
     pub ln_prior: f64,
 }
 
-/// A model that can be extended by causes.
+/// A model that mechanisms can extend.
 pub trait Catalogue: ForwardModel + Clone + Send {
-    /// A cause with a start of its search.
+    /// A mechanism with a start of its search.
     type Hypothesis: Clone + Send + Sync;
 
-    /// Where the search starts.
+    /// The start of its search.
     fn start(tried: &Self::Hypothesis) -> &Start;
 
-    /// Whether two are starts of the same cause.
+    /// Whether two are starts of the same mechanism.
     fn same_cause(a: &Self::Hypothesis, b: &Self::Hypothesis) -> bool;
 
-    /// The model with the unknowns of a cause as its last.
+    /// The model with the unknowns of a mechanism appended.
     #[must_use]
     fn with(&self, tried: &Self::Hypothesis) -> Self;
 
-    /// Readings expected with the unknowns of a further cause at `end`.
+    /// Predicted readings with a further mechanism whose unknowns have the values `end`.
     ///
     /// # Errors
     /// Values that the model refuses.
@@ -62,8 +59,8 @@ pub trait Catalogue: ForwardModel + Clone + Send {
         end: &[f64],
     ) -> Result<Prediction, InferError>;
 
-    /// Other values of all unknowns at which the last cause may explain the readings as well as at `at`, as where
-    /// two sources have changed places: a search ends at one of them and sees nothing of the others.
+    /// Other values of all unknowns that may explain the readings as well as `at`, such as two sources with exchanged
+    /// places: a local search finds only one of these optima.
     ///
     /// # Errors
     /// Values that the model refuses.
@@ -72,7 +69,7 @@ pub trait Catalogue: ForwardModel + Clone + Send {
     }
 }
 
-/// What is the same for all sets of mechanisms.
+/// The inputs that all sets of mechanisms share.
 #[derive(Debug, Clone, Copy)]
 pub struct Question<'a> {
     /// The readings.
@@ -81,16 +78,16 @@ pub struct Question<'a> {
     pub policy: &'a Policy,
     /// Standard deviation of the sensor's own noise.
     pub sensor_sd: f64,
-    /// Places of which something is to be told.
+    /// Places at which a prediction is needed.
     pub asked: &'a [PlumePlace],
 }
 
-/// A set of mechanisms, fitted.
+/// A fitted set of mechanisms.
 #[derive(Debug, Clone)]
 pub struct FittedSet<M: Catalogue> {
     /// The mechanisms; none for the base.
     pub mechanisms: Vec<M::Hypothesis>,
-    /// The model with their unknowns as its last.
+    /// The model with their unknowns appended.
     pub model: M,
     pub(crate) weighed: Weighed,
     pub(crate) ln_prior: f64,
@@ -112,7 +109,7 @@ impl<M: Catalogue> FittedSet<M> {
         &self.weighed.fit.point.at
     }
 
-    /// Sizes of discrepancy and axis drift that are likeliest.
+    /// The most probable sizes of discrepancy and axis drift.
     pub fn likeliest_sizes(&self) -> Sizes {
         self.weighed.likeliest_sizes()
     }
@@ -133,13 +130,13 @@ impl<M: Catalogue> FittedSet<M> {
     }
 }
 
-/// The base: the set without mechanisms, which is always among those that a search found.
+/// Index of the base, the set without mechanisms, which every search contains.
 pub(crate) fn base_of<M: Catalogue>(found: &[FittedSet<M>]) -> usize {
     let base = found.iter().position(|f| f.mechanisms.is_empty());
     base.unwrap_or(0)
 }
 
-/// The likeliest of the sets that a search found with none but the mechanisms of `set` without that at `k`, the base among them.
+/// Index of the most probable set that contains only mechanisms of `set` other than the `k`-th.
 pub fn without<M: Catalogue>(found: &[FittedSet<M>], set: &FittedSet<M>, k: usize) -> usize {
     let is_other = |n: &M::Hypothesis| {
         let mut mechanisms = set.mechanisms.iter().enumerate();
@@ -149,16 +146,16 @@ pub fn without<M: Catalogue>(found: &[FittedSet<M>], set: &FittedSet<M>, k: usiz
     found.iter().position(within).unwrap_or(0)
 }
 
-/// A cause as the linear problem beside a fit has it.
+/// A mechanism in the linearised problem at a fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Screened {
-    /// Index among what was tried.
+    /// Index of the hypothesis.
     pub tried: usize,
     /// Gain of the log evidence, nats.
     pub gain: f64,
-    /// The most probable way along each of its directions.
+    /// The most probable amplitude along each of its directions.
     pub amplitudes: Vec<f64>,
-    /// What the readings tell of the way along its first direction: inverse variance.
+    /// Information on the amplitude along its first direction: inverse variance.
     pub information: f64,
 }
 
@@ -170,7 +167,7 @@ impl<'a> Question<'a> {
         Problem::new(model, self.rows, self.policy, self.sensor_sd, self.asked)
     }
 
-    /// The problem of a model that is that of a set, or differs from it in mechanisms.
+    /// The problem of a set's model, or of one with other mechanisms.
     pub(crate) fn beside<'m, M: Catalogue>(
         &self,
         found: &FittedSet<M>,
@@ -190,7 +187,7 @@ impl<'a> Question<'a> {
         }
     }
 
-    /// Log evidence of a model without any discrepancy, after a quick fit: to choose between winds.
+    /// Log evidence of a model without discrepancy after a quick fit, to choose between winds.
     ///
     /// # Errors
     /// Values that the model refuses.
@@ -211,8 +208,7 @@ impl<'a> Question<'a> {
         })
     }
 
-    /// A set from where a fit of some of the same readings came to; `model` has the unknowns of its mechanisms as its
-    /// last. The base is the set without mechanisms.
+    /// Fits a set from an earlier fit to part of the readings; `model` has the unknowns of its mechanisms appended.
     ///
     /// # Errors
     /// Values that the model refuses.
@@ -230,7 +226,7 @@ impl<'a> Question<'a> {
         })
     }
 
-    /// How probable a mechanism is beforehand, in the sense of its directions that has a meaning.
+    /// Log prior probability of a mechanism in the physical sense of its directions.
     fn ln_prior<M: Catalogue>(&self, mechanism: &M::Hypothesis) -> f64 {
         let start = M::start(mechanism);
         let sides = if start.one_sided {
@@ -241,7 +237,7 @@ impl<'a> Question<'a> {
         start.ln_prior + sides + self.policy.ln_name
     }
 
-    /// A set whose one mechanism is in `model` already, fitted from that model's own starts.
+    /// Fits a set whose only mechanism `model` already contains, from that model's own starts.
     ///
     /// # Errors
     /// Values that the model refuses.
@@ -258,7 +254,7 @@ impl<'a> Question<'a> {
         })
     }
 
-    /// How the readings meet the plume of the unknowns `at`.
+    /// Whether and where the readings meet the plume of the unknowns `at`.
     ///
     /// # Errors
     /// Values that the model refuses.
@@ -270,7 +266,7 @@ impl<'a> Question<'a> {
         self.problem(model).contact(at, self.policy.passes)
     }
 
-    /// The same set with no more discrepancy, axis drift and noise than is tolerated.
+    /// The same set with discrepancy, axis drift and noise limited to the tolerated sizes.
     ///
     /// # Errors
     /// Values that the model refuses.
@@ -282,7 +278,7 @@ impl<'a> Question<'a> {
         )
     }
 
-    /// The same of log-normal fluctuation, from where a set without it came to; no more of it than is tolerated.
+    /// The same set with log-normal fluctuation of at most the tolerated size, starting from the fit of a normal one.
     pub(crate) fn log_normal<M: Catalogue>(
         &self,
         plain: &FittedSet<M>,
@@ -316,8 +312,8 @@ impl<'a> Question<'a> {
         })
     }
 
-    /// The same set with discrepancy and axis drift of these sizes, and unless it `is_noisy` with no more noise
-    /// than is tolerated.
+    /// The same set with these sizes of discrepancy and axis drift, and with noise limited to the tolerated sizes unless
+    /// it `is_noisy`.
     pub(crate) fn restricted<M: Catalogue>(
         &self,
         of: &FittedSet<M>,
@@ -369,7 +365,7 @@ impl<'a> Question<'a> {
         self.beside(of, &of.model).concluded(of.weighed.clone())
     }
 
-    /// The unknowns of the plume without a discrepancy that is nearest to what a set believes.
+    /// The unknowns of the model without discrepancy that is closest to a set's posterior.
     ///
     /// # Errors
     /// A problem that has no posterior.
@@ -386,15 +382,14 @@ impl<'a> Question<'a> {
         self.beside(of, &of.model).turns(&of.fit().point)
     }
 
-    /// `column` of one number a row as independent normal ones under a set's noise: its misfit so is a
-    /// sum of squares.
+    /// Whitens a column under a set's noise, so that the misfit is a sum of squares.
     pub fn whitened<M: Catalogue>(&self, of: &FittedSet<M>, column: &[f64]) -> Vec<f64> {
         let mut out = column.to_vec();
         self.beside(of, &of.model).whiten(of.fit(), &mut out);
         out
     }
 
-    /// Every cause of `tried` beside a set that was found, in the same order.
+    /// Screens every hypothesis of `tried` as an extension of a set, in the same order.
     ///
     /// # Errors
     /// Values that the model refuses.
@@ -470,7 +465,7 @@ impl<'a> Question<'a> {
         Ok(out)
     }
 
-    /// A set with one more mechanism, fitted.
+    /// Fits a set with one more mechanism.
     ///
     /// # Errors
     /// Values that the model refuses.
@@ -487,8 +482,8 @@ impl<'a> Question<'a> {
         let mut point = fit.point.clone();
         point.at.extend(start.at(amplitudes));
         let mut best = self.settled(&problem, &point, fit, 2)?;
-        // One more unknown makes no model worse: where the start led astray, what was found before
-        // stands with the mechanism doing next to nothing.
+        // One more unknown makes no model worse: if the start was misleading, the parent's fit with a nearly neutral
+        // mechanism counts.
         if best.ln_evidence < found.weighed.ln_evidence
             && start.nothing.iter().all(|n| n.is_finite())
         {
@@ -503,7 +498,7 @@ impl<'a> Question<'a> {
         Ok(self.found_with(found, tried, model.clone(), best))
     }
 
-    /// A fit, or the better one from where its last cause has changed places.
+    /// A fit, or a better one from the exchanged values of its last mechanism.
     fn or_exchanged<M: Catalogue>(
         &self,
         problem: &Problem<'_, M>,
@@ -519,8 +514,8 @@ impl<'a> Question<'a> {
         Ok(best)
     }
 
-    /// A fit that begins at other unknowns than `fit` came to: without its axis drift and discrepancy and under little
-    /// noise, which have taken up what those unknowns left.
+    /// A fit from other unknowns, without the axis drift and discrepancy of `fit` and with little noise: these have
+    /// absorbed the misfit of the earlier unknowns.
     fn fitted_anew<M: ForwardModel>(
         &self,
         problem: &Problem<'_, M>,
@@ -536,7 +531,7 @@ impl<'a> Question<'a> {
         self.settled(problem, &first.point, &first, 2)
     }
 
-    /// The same without any discrepancy, and with no more noise than is tolerated.
+    /// The same without discrepancy, and with noise limited to the tolerated sizes.
     pub(crate) fn extended_plainly<M: Catalogue>(
         &self,
         found: &FittedSet<M>,
@@ -574,7 +569,7 @@ impl<'a> Question<'a> {
         }
     }
 
-    /// The fit from a point beside another fit, its noise made most probable so many times.
+    /// A fit from a point near another fit, with its noise maximised so many times.
     fn settled<M: ForwardModel>(
         &self,
         problem: &Problem<'_, M>,
@@ -585,8 +580,8 @@ impl<'a> Question<'a> {
         problem.settled(point, &from.basis, (from.noise, from.sizes), times)
     }
 
-    /// Sets of mechanisms that were fitted, the base among them, the likeliest first, by a beam search
-    /// through the causes `tried`; sets that were found otherwise are `named`.
+    /// Fits sets of the hypotheses `tried` by a beam search; returns them with the base, the most probable first. Sets that
+    /// another search found are `named`.
     ///
     /// # Errors
     /// Values that the model refuses.
@@ -621,11 +616,11 @@ impl<'a> Question<'a> {
     }
 }
 
-/// Most times that the noise of log-normal fluctuation is made most probable: each moves the deviations, and they it.
+/// Number of times to maximise over the noise of a log-normal fluctuation, which depends on the fluctuation itself.
 const LOG_NORMAL_REFITS: usize = 10;
-/// How often the search is begun anew where a mechanism led to a better base.
+/// Number of restarts after a mechanism led to a better base.
 const NEW_BASES: usize = 2;
-/// A base is another one where its evidence is larger by this, nats.
+/// Gain of the log evidence that makes a base a better one, nats.
 const BETTER_BASE_NATS: f64 = 2.0;
 
 /// The starts of the most promising causes.
@@ -639,7 +634,7 @@ fn kept<T: Clone>(tried: &[T], next: &[Next], most: usize) -> Vec<T> {
     order.into_iter().map(|k| tried[k].clone()).collect()
 }
 
-/// A set that may be fitted next.
+/// A candidate for the next fit.
 #[derive(Debug, Clone)]
 struct Next {
     ln_score: f64,
@@ -648,7 +643,7 @@ struct Next {
 }
 
 impl Question<'_> {
-    /// The base under little noise and no axis drift: these may have taken up what a mechanism explains.
+    /// The base with little noise and no axis drift, which may have absorbed the effect of a mechanism.
     pub fn quiet<M: Catalogue>(&self, base: &FittedSet<M>) -> Result<FittedSet<M>, InferError> {
         let problem = self.beside(base, &base.model);
         let sizes = self.policy.nearest_sizes(0.0, 0.0);
@@ -659,8 +654,8 @@ impl Question<'_> {
         Ok(quiet)
     }
 
-    /// The base, the sets of one more mechanism, and what was promised. Where one of these found a better fit
-    /// that is not due to its mechanism, the base follows and the search begins anew.
+    /// The base, the sets with one mechanism, and their predicted gains. If one of these leads to a better fit that its
+    /// mechanism does not explain, the search restarts from that base.
     #[allow(clippy::type_complexity, reason = "three things that belong together")]
     fn first_level<M: Catalogue>(
         &self,
@@ -700,7 +695,7 @@ impl Question<'_> {
         Err(InferError::NoPosterior)
     }
 
-    /// The base from the point of a set with a mechanism, where that is a better one.
+    /// The base fitted from the point of a set with a mechanism, if that fit is better.
     fn followed<M: Catalogue>(
         &self,
         base: &FittedSet<M>,
@@ -720,8 +715,8 @@ impl Question<'_> {
         }))
     }
 
-    /// What each of `tried` promises beside each set of a level, the best first. A base under little
-    /// noise is as good as it is under its own, `quiet`, once the noise is fitted.
+    /// Predicted gains of each of `tried` added to each set of a level, the best first. A base with little noise,
+    /// `quiet`, counts as its own fit does.
     fn promising<M: Catalogue>(
         &self,
         level: &[FittedSet<M>],
@@ -754,8 +749,7 @@ impl Question<'_> {
         Ok(next)
     }
 
-    /// The most promising sets, each fitted once, as long as they promise at least `least`: at most so
-    /// many in all, and of one parent.
+    /// Fits the most promising sets with a predicted gain of at least `least`: at most so many in all, and of one parent.
     fn fitted<M: Catalogue>(
         &self,
         level: &[FittedSet<M>],
@@ -789,9 +783,9 @@ impl Question<'_> {
     }
 }
 
-/// Sizes of the discrepancy under which causes are screened: the likeliest few hold nearly all.
+/// Number of sizes of the discrepancy for screening: the most probable few hold nearly all of the probability.
 const SIZES_SCREENED: usize = 6;
-/// A way along a direction is at most so many of its prior's standard deviations.
+/// Largest amplitude along a direction, in prior standard deviations.
 const FARTHEST_SD: f64 = 2.0;
 
 impl Start {
@@ -809,7 +803,7 @@ impl Start {
     }
 }
 
-/// A cause in a linear problem.
+/// A hypothesis in a linear problem.
 struct Hypothesis {
     ln_evidence: f64,
     amplitudes: Vec<f64>,

@@ -103,7 +103,7 @@ pub struct Policy {
     pub most_steps: usize,
     /// A fit is settled when a step promises less than this, nats.
     pub settled_nats: f64,
-    /// A part of the posterior with less than this share of the largest is held out.
+    /// A part of the posterior with less than this share of the largest is ignored.
     pub least_weight: f64,
 }
 

@@ -1,13 +1,12 @@
-//! Readings that are yet to be taken: how far they would set two sets of mechanisms apart.
+//! Predicted readings of a future flight: the separation of two sets of mechanisms that they would give.
 //!
-//! The separation of a second set from a first is the whitened distance of what the two expect, once
-//! the second has moved its unknowns as far as what it knows of them and the noise let it:
+//! The separation of a second set from a first is the whitened distance between their predictions, after the unknowns of
+//! the second have moved as far as its posterior and the noise allow:
 //!
 //! > min over θ of ½ |W (first − second(θ))|² + ½ (θ − θ₀)ᵀ C⁻¹ (θ − θ₀),
 //!
-//! with θ₀ and C the second's values and their covariance. This is a fit to what the first expects, in
-//! coordinates in which θ₀ is nothing and C is one; axis drift and discrepancy have weights of their own
-//! there. If the first set is the truth, the logarithm of the likelihood ratio is then normal with
+//! with θ₀ and C the second's values and their covariance. This is a fit to the first's predictions in coordinates with
+//! θ₀ = 0 and C = 1, with free axis drift and discrepancy. If the first set is the truth, the logarithm of the likelihood ratio is then normal with
 //! mean m and variance 2 m, where m is the separation.
 
 use crate::InferError;
@@ -18,10 +17,10 @@ use crate::noise::{Loadings, Noise};
 use crate::rows::{ForwardModel, PlumePlace, Prediction, Prior, Rows};
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-/// Readings yet to be taken, as one set expects them.
+/// Future readings as one set predicts them.
 pub struct PredictedReadings<'a> {
     question: Question<'a>,
-    /// What the set expects, in the place of what is measured.
+    /// The predictions, in place of measured readings.
     rows: Rows,
     basis: Basis,
     sizes: Sizes,
@@ -29,7 +28,7 @@ pub struct PredictedReadings<'a> {
     loadings: Loadings,
 }
 
-/// What a set knows of its unknowns, and how large it takes discrepancy, axis drift and noise to be.
+/// Normal approximation of a set's posterior, with its sizes of discrepancy, axis drift and noise.
 #[derive(Debug, Clone)]
 pub struct NormalPosterior {
     at: DVector<f64>,
@@ -63,7 +62,7 @@ impl NormalPosterior {
 }
 
 impl<'a> Question<'a> {
-    /// What a set knows.
+    /// The normal approximation of a set's posterior.
     ///
     /// # Errors
     /// A problem that has no posterior.
@@ -72,8 +71,7 @@ impl<'a> Question<'a> {
         NormalPosterior::new(of.at(), covariance, of.likeliest_sizes(), of.fit().noise)
     }
 
-    /// Readings of one sensor at `time_s`, as a set expects them; `there` is its model of where they
-    /// will be taken.
+    /// Predictions of a set for one sensor at `time_s`; `there` is its model along the future track.
     ///
     /// # Errors
     /// Values that the model refuses, and times that do not grow.
@@ -113,8 +111,8 @@ impl<'a> Question<'a> {
 }
 
 impl PredictedReadings<'_> {
-    /// Nats by which the readings would separate a second set from the one that expects them; `there`
-    /// is its model of where they will be taken.
+    /// Separation of a second set from the predicting one by these readings, nats; `there` is the second's model along
+    /// the future track.
     ///
     /// # Errors
     /// Values that the model refuses.
@@ -135,7 +133,7 @@ impl PredictedReadings<'_> {
             at: vec![0.0; unknowns],
             weights: vec![0.0; self.basis.len()],
         };
-        // Whichever of the two needed more of it to explain the readings so far will need it there.
+        // The larger of both sizes: either set may need as much on the new track as it has needed so far.
         let sizes = std::array::from_fn(|k| self.sizes[k].max(believed.sizes[k]));
         let noise = larger(&self.noise, &believed.noise);
         let metric = problem.metric_of(self.loadings.clone(), &noise, &vec![1.0; self.rows.len()]);
@@ -154,7 +152,7 @@ fn larger(a: &Noise, b: &Noise) -> Noise {
     }
 }
 
-/// A model in coordinates in which what is known of its unknowns is standard normal.
+/// A model in coordinates in which the posterior of its unknowns is standard normal.
 struct Moved<'m, M> {
     model: &'m M,
     believed: &'m NormalPosterior,

@@ -53,6 +53,9 @@ struct Options {
     seconds: u64,
     #[arg(long, value_enum, default_value = "one")]
     links: Sharing,
+    /// Receive each message on its own key, as a program without bundles does
+    #[arg(long)]
+    own_keys: bool,
     /// Another build of mav-bridge
     #[arg(long, default_value = env!("CARGO_BIN_EXE_mav-bridge"))]
     bridge: PathBuf,
@@ -342,8 +345,12 @@ async fn main() {
     )
     .await
     .unwrap();
-    net.subscribe(&[Interest::Everything]).await.unwrap();
-    let _clock = MissionClock::keep(&net).await.unwrap();
+    let everything = [Interest::Everything];
+    if options.own_keys {
+        net.subscribe(&everything).await.unwrap();
+    } else {
+        net.subscribe_bundled(&everything).await.unwrap();
+    }
     let ids: Vec<String> = (1..=options.vehicles).map(|id| id.to_string()).collect();
     let errors = std::fs::File::create(directory.join("bridge_load.log")).unwrap();
     let bridge = Ends(
@@ -357,6 +364,8 @@ async fn main() {
             .spawn()
             .unwrap(),
     );
+    // The run begins when the bridge joins it.
+    let _clock = MissionClock::keep(&net).await.unwrap();
     let agents: Vec<protocol::AgentId> = ids
         .iter()
         .map(|id| protocol::AgentId::va(id).unwrap())

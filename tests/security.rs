@@ -8,7 +8,7 @@ use programs::host_keys;
 use protocol::joining::{Introduction, MissionIdentity};
 use protocol::key::Name;
 use protocol::message::{Message, PathKind, Setpoint, Severity};
-use protocol::{AgentId, Envelope, Interest, SimTime, Topic};
+use protocol::{AgentId, Envelope, Interest, ProtocolError, SimTime, Topic};
 use std::net::TcpListener;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
@@ -104,17 +104,20 @@ fn introduction(agent: &str) -> Introduction {
     }
 }
 
-/// A host that holds the mission's key and may fly vehicle 6 is not heard as anybody else.
+/// A host that holds the mission's key and may fly vehicle 6 is not heard as anybody else: neither on other agents' keys,
+/// which access control denies it, nor in its own bundles.
 fn a_host_says_only_what_is_its_own() {
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(2)
         .enable_all()
         .build();
-    runtime.unwrap().block_on(a_host_is_heard_as_itself_alone());
+    let runtime = runtime.unwrap();
+    runtime.block_on(a_host_is_heard_as_itself_alone("keys-roles", false));
+    runtime.block_on(a_host_is_heard_as_itself_alone("keys-roles-bundled", true));
 }
 
-async fn a_host_is_heard_as_itself_alone() {
-    let out = folder("keys-roles");
+async fn a_host_is_heard_as_itself_alone(name: &str, bundled: bool) {
+    let out = folder(name);
     let made = new_keys(
         &out.join("k"),
         &["ground=127.0.0.1=sc", "air=127.0.0.1=va/6"],
@@ -123,7 +126,7 @@ async fn a_host_is_heard_as_itself_alone() {
     let endpoint = free_endpoint();
     let open = |host: &str, listen: Option<&str>| {
         let folder = out.join("k").join(host);
-        let ([root_ca, certificate, private_key], access) = host_keys::read(&folder).unwrap();
+        let ([root_ca, certificate, private_key], access, host) = host_keys::read(&folder).unwrap();
         let key = mission_key::find(
             &Name::new("m").unwrap(),
             Some(&folder.join(mission_key::FILE)),
@@ -143,13 +146,19 @@ async fn a_host_is_heard_as_itself_alone() {
                 mutual: true,
             }),
             access_control: Some(access),
+            host: Some(host),
             ..NetOptions::default()
         };
         let mission = Name::new("as-pontes-steady").unwrap();
         async move { Net::open(mission, key.unwrap(), &options).await.unwrap() }
     };
     let mut ground = open("ground", Some(&endpoint)).await;
-    ground.subscribe(&[Interest::Everything]).await.unwrap();
+    let everything = [Interest::Everything];
+    if bundled {
+        ground.subscribe_bundled(&everything).await.unwrap();
+    } else {
+        ground.subscribe(&everything).await.unwrap();
+    }
     let mut air = open("air", None).await;
     for (net, agent) in [(&mut ground, "sc/main"), (&mut air, "va/6")] {
         net.introduce(introduction(agent));
@@ -193,10 +202,19 @@ async fn a_host_is_heard_as_itself_alone() {
         };
         air.publish(&topic, &envelope).await.unwrap();
     }
-    let heard = tokio::time::timeout(Duration::from_secs(10), ground.receive()).await;
-    let (topic, _) = heard.unwrap().unwrap().unwrap();
+    let mut refused = 0;
+    let topic = loop {
+        let heard = tokio::time::timeout(Duration::from_secs(10), ground.receive()).await;
+        match heard.unwrap().unwrap() {
+            Ok((topic, _)) => break topic,
+            Err(ProtocolError::ForeignHost { host, .. }) => assert_eq!(host, "air"),
+            Err(other) => panic!("{other}"),
+        }
+        refused += 1;
+    };
     assert_eq!(topic, Topic::Event(AgentId::va("6").unwrap()));
-    assert_eq!(ground.refused(), 0);
+    assert_eq!(refused, if bundled { 2 } else { 0 });
+    assert_eq!(ground.refused(), refused);
 }
 
 fn nothing_is_opened_to_others_without_a_key_or_a_token() {

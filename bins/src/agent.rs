@@ -95,16 +95,16 @@ impl BusArguments {
     pub fn net_options(&self, listens: bool) -> Result<NetOptions, Failure> {
         let nothing_said = self.listen.is_empty() && self.connect.is_empty();
         let default = || vec![self.default_endpoint()];
-        let (tls, access_control) = match &self.keys {
+        let (tls, access_control, host) = match &self.keys {
             Some(folder) => {
-                let ([root_ca, certificate, private_key], access) = host_keys::read(folder)?;
+                let ([root_ca, certificate, private_key], access, host) = host_keys::read(folder)?;
                 let tls = TlsFiles {
                     root_ca,
                     certificate: Some(certificate),
                     private_key: Some(private_key),
                     mutual: true,
                 };
-                (Some(tls), Some(access))
+                (Some(tls), Some(access), Some(host))
             }
             None => {
                 let tls = self.tls_ca.clone().map(|root_ca| TlsFiles {
@@ -113,7 +113,7 @@ impl BusArguments {
                     private_key: self.tls_key.clone(),
                     mutual: false,
                 });
-                (tls, None)
+                (tls, None, None)
             }
         };
         let endpoints = || self.listen.iter().chain(&self.connect);
@@ -147,6 +147,7 @@ impl BusArguments {
             json: self.json,
             tls,
             access_control,
+            host,
             user_password,
             password_file: self.password_file.clone(),
             real_time: !self.lockstep,

@@ -2,6 +2,7 @@
 //! ([`tasks::mission_key::FILE`]).
 
 use crate::Failure;
+use protocol::key::Name;
 use std::fs;
 use std::path::Path;
 
@@ -13,12 +14,15 @@ pub const CERTIFICATE: &str = "host.pem";
 pub const PRIVATE_KEY: &str = "host.key";
 /// Who may say what, in a host's folder.
 pub const ACCESS: &str = "access.json";
+/// The host's name, in its folder.
+pub const HOST: &str = "host.txt";
 
-/// What a folder of `plumage keys new` holds for the bus: root certificate, certificate, private key, and who may say what.
+/// What a folder of `plumage keys new` holds for the bus: root certificate, certificate, private key, who may say what,
+/// and the host's name.
 ///
 /// # Errors
-/// A file that is not there.
-pub fn read(folder: &Path) -> Result<([String; 3], String), Failure> {
+/// A file that is not there, as in a folder of an earlier version.
+pub fn read(folder: &Path) -> Result<([String; 3], String, Name), Failure> {
     let file = |name: &str| {
         let file = folder.join(name);
         if !file.is_file() {
@@ -31,5 +35,10 @@ pub fn read(folder: &Path) -> Result<([String; 3], String), Failure> {
     };
     let path = |name: &str| Ok::<_, Failure>(file(name)?.display().to_string());
     let access = fs::read_to_string(file(ACCESS)?)?;
-    Ok(([path(CA)?, path(CERTIFICATE)?, path(PRIVATE_KEY)?], access))
+    let host = Name::new(fs::read_to_string(file(HOST)?)?.trim()).map_err(Failure::input)?;
+    Ok((
+        [path(CA)?, path(CERTIFICATE)?, path(PRIVATE_KEY)?],
+        access,
+        host,
+    ))
 }

@@ -37,7 +37,7 @@ pub fn foxglove(arguments: &FoxgloveArguments) -> Result<(), Failure> {
             .await
             .map_err(Failure::input)?;
         let mut net = arguments.bus.open(&setup, false).await?;
-        net.subscribe(&[Interest::Everything]).await?;
+        net.subscribe_bundled(&[Interest::Everything]).await?;
         eprintln!("in Foxglove, open a connection to ws://{}", arguments.serve);
         let mission = Name::new(&setup.scenario.mission.name).map_err(Failure::input)?;
         let mut converter: Option<(i64, Converter<'_>)> = None;

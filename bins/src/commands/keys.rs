@@ -1,8 +1,9 @@
 //! `plumage keys`: keys and certificates for the hosts of a mission.
 
 use crate::Failure;
-use crate::host_keys::{ACCESS, CA, CERTIFICATE, PRIVATE_KEY};
+use crate::host_keys::{ACCESS, CA, CERTIFICATE, HOST, PRIVATE_KEY};
 use anyhow::Context as _;
+use protocol::bundle::BundleKind;
 use protocol::key::Name;
 use rcgen::{
     BasicConstraints, Certificate, CertificateParams, DnType, ExtendedKeyUsagePurpose, IsCa,
@@ -191,6 +192,7 @@ fn make(arguments: &NewArguments) -> Result<(), Failure> {
         private(PRIVATE_KEY, &private_key.serialize_pem())?;
         private(mission_key::FILE, &key)?;
         private(ACCESS, &access)?;
+        private(HOST, host.name.as_str())?;
         println!("{}: for {}", folder.display(), host.addresses.join(", "));
     }
     println!(
@@ -261,12 +263,15 @@ fn access(mission: &Name, hosts: &[Host]) -> Value {
         vec![json!({"rules": ["listens", "receives", "answers"], "subjects": ["hosts"]})];
     for host in hosts {
         let name = host.name.as_str();
-        let writes: Vec<String> = host.roles.iter().flat_map(Role::writes).collect();
-        let rule = format!("{name} publishes");
+        // What is in its bundles is checked by whoever receives them.
+        let bundles = BundleKind::ALL.map(|kind| kind.key(mission, &host.name));
+        let writes = host.roles.iter().flat_map(Role::writes).map(|t| whole(&t));
+        let writes: Vec<String> = writes.chain(bundles).collect();
+        let rule = net::publish_rule(&host.name);
         rules.push(json!({
             "id": rule, "permission": "allow", "flows": ["ingress"],
             "messages": ["put", "reply", "declare_queryable", "liveliness_token"],
-            "key_exprs": writes.iter().map(whole).collect::<Vec<_>>(),
+            "key_exprs": writes,
         }));
         subjects.push(json!({"id": name, "cert_common_names": [name]}));
         policies.push(json!({"rules": [rule], "subjects": [name]}));

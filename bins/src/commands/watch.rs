@@ -67,7 +67,7 @@ pub fn watch(arguments: &WatchArguments) -> Result<(), Failure> {
     eprintln!("live page: http://{}/", page.address);
     let watched = agent::block_on(async {
         let mut net = arguments.bus.open(&setup, false).await?;
-        net.subscribe(&[Interest::Everything]).await?;
+        net.subscribe_bundled(&[Interest::Everything]).await?;
         follow(&mut net, &mut page, &team, duration_s, roll).await
     });
     page.close();

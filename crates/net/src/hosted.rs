@@ -1,5 +1,6 @@
 //! The agents of one process and their subscriptions.
 
+use crate::{Net, NetError};
 use protocol::jobs::{Arrival, Jobs};
 use protocol::{Agent, AgentId, Envelope, Event, Interest, Outbox, SimTime, Topic};
 
@@ -39,6 +40,16 @@ impl Hosted {
             jobs: agents.iter().map(|_| Jobs::default()).collect(),
             arrival,
             all,
+        }
+    }
+
+    /// Subscribes to what its agents are interested in: in bundles where that is many vehicles' messages.
+    pub(crate) async fn subscribe(&self, net: &mut Net) -> Result<(), NetError> {
+        let one = |interest: &Interest| matches!(interest, Interest::One(_));
+        if self.all.iter().all(one) {
+            net.subscribe(&self.all).await
+        } else {
+            net.subscribe_bundled(&self.all).await
         }
     }
 

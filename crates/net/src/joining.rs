@@ -6,10 +6,10 @@ use crate::locks::lock;
 use crate::run::{Run, RunJoined, is_of_team};
 use crate::{Net, NetError, random};
 use futures_core::future::BoxFuture;
+use protocol::AgentId;
 use protocol::digest::hex;
-use protocol::joining::{Answer, Introduction, Question, Refused, time_key};
+use protocol::joining::{Answer, BUS_VERSION, Introduction, Question, Refused, time_key};
 use protocol::seal::MissionKey;
-use protocol::{AgentId, WIRE_VERSION};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -52,9 +52,13 @@ impl Door {
     /// Why who asks is not let in.
     fn refuses(&self, question: &Question) -> Option<Refused> {
         let refused = |passes, why| Some(Refused { why, passes });
-        if let Some(theirs) = question.wire_version.filter(|v| *v != WIRE_VERSION) {
+        // Who speaks for the operator alone has no introduction, and keys of every version.
+        let version = question
+            .wire_version
+            .filter(|_| question.introduction.is_some());
+        if let Some(theirs) = version.filter(|v| *v != BUS_VERSION) {
             let why = format!(
-                "it uses wire version {theirs}, this mission uses {WIRE_VERSION}; update the older program"
+                "it uses wire version {theirs}, this mission uses {BUS_VERSION}; update the older program"
             );
             return refused(false, why);
         }
@@ -263,7 +267,7 @@ async fn ask_once(net: &Net) -> Result<(Admission, Answer), NetError> {
         let number: [u8; QUESTION_BYTES] = random()?;
         let question = Question {
             question: hex(&number),
-            wire_version: Some(WIRE_VERSION),
+            wire_version: Some(BUS_VERSION),
             stream,
             announced: net.has_announced(),
             hears: net.presence().runs().iter().map(|r| r.run.number).collect(),

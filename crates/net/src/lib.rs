@@ -4,7 +4,8 @@
 //! are used, so that no other process on a network joins; gossip lets the peers that met at one
 //! endpoint find each other. Nothing is dropped: congestion control blocks the sender.
 //!
-//! A [`Net`] is one process's session on the bus of one mission, opened with [`NetOptions`].
+//! A [`Net`] is one process's session on the bus of one mission, opened with [`NetOptions`]. What its agents say in a
+//! tick leaves as one [bundle](protocol::bundle), and on the messages' own keys where somebody subscribes to these.
 //! [`lockstep`] runs an agent tick by tick under a conductor; [`realtime`] runs
 //! it by the wall clock, with the squadron controller's process keeping the mission's time. Both begin with
 //! [joining](protocol::joining), and every message carries a [seal](protocol::seal) of the mission's key.
@@ -36,6 +37,7 @@
 //! Not pure, and for programs only: it handles sockets, threads and the wall clock.
 
 mod asking;
+mod bundles;
 mod figures;
 mod hosted;
 mod joining;
@@ -53,6 +55,7 @@ mod run;
 mod runs;
 mod session;
 
+pub use bundles::publish_rule;
 pub use figures::Figures;
 pub use options::{DEFAULT_ENDPOINT, NetOptions, TlsFiles};
 pub use presence::Presence;

@@ -84,7 +84,7 @@ pub async fn run<A: Agent>(
 ) -> Result<(), NetError> {
     let mut hosted = Hosted::of(agents, Arrival::Fixed);
     net.tells_for(&hosted.ids);
-    net.subscribe(&hosted.all).await?;
+    hosted.subscribe(net).await?;
     net.subscribe(&[Interest::One(Topic::Tick), of_conductor()])
         .await?;
     let mut presence = Vec::new();
@@ -99,8 +99,9 @@ pub async fn run<A: Agent>(
         .collect();
     join(net, &others).await?;
     for id in &hosted.ids {
-        say_done(net, id, SimTime::ZERO, READY, LastSequences::new()).await?;
+        add_done(net, id, SimTime::ZERO, READY, LastSequences::new()).await?;
     }
+    net.flush().await?;
     let mut inbox = Inbox::default();
     let mut outbox = Outbox::default();
     let mut refusals = Refusals::default();
@@ -118,8 +119,9 @@ pub async fn run<A: Agent>(
             hosted.act(k, agent, event, now, &mut outbox);
             let own = &hosted.ids[k];
             let wrote = net.publish_all(own, now, &mut outbox).await?;
-            say_done(net, own, now, tick.tick as i64, wrote).await?;
+            add_done(net, own, now, tick.tick as i64, wrote).await?;
         }
+        net.flush().await?;
         if tick.last {
             return Ok(());
         }
@@ -275,7 +277,7 @@ impl Wait {
     }
 }
 
-async fn say_done(
+async fn add_done(
     net: &mut Net,
     own: &AgentId,
     now: SimTime,
@@ -286,7 +288,7 @@ async fn say_done(
     let message = Message::Done(Done { tick, wrote });
     // The clock's messages are numbered apart: agents' sequence numbers must not depend on them.
     let envelope = Envelope::new(own.clone(), (tick + 2) as u64, now, message);
-    net.publish(&topic, &envelope).await
+    net.add(&topic, &envelope).await
 }
 
 /// Records a lockstep run of `team` until its end: `take` receives the messages
@@ -302,12 +304,12 @@ pub async fn observe<E: From<NetError>>(
 ) -> Result<(), E> {
     let own = AgentId::recorder();
     let interests = [Interest::Everything];
-    net.subscribe(&interests).await?;
+    net.subscribe_bundled(&interests).await?;
     let _presence = net.announce(&own).await?;
     // A present agent knows the subscription above, so no message is lost.
     let others: Vec<AgentId> = team.iter().chain([&AgentId::clock()]).cloned().collect();
     join(net, &others).await?;
-    say_done(net, &own, SimTime::ZERO, READY, LastSequences::new()).await?;
+    add_done(net, &own, SimTime::ZERO, READY, LastSequences::new()).await?;
     let mut inbox = Inbox::default();
     let mut ending = false;
     loop {
@@ -319,7 +321,7 @@ pub async fn observe<E: From<NetError>>(
             return Ok(());
         }
         ending = tick.last;
-        say_done(net, &own, now, tick.tick as i64, LastSequences::new()).await?;
+        add_done(net, &own, now, tick.tick as i64, LastSequences::new()).await?;
     }
 }
 
@@ -347,7 +349,7 @@ impl Conductor {
     ) -> BoxFuture<'a, Result<Self, NetError>> {
         Box::pin(async move {
             joining::door(net).await?.begin(Run::begin()?);
-            net.subscribe(&[Interest::Everything]).await?;
+            net.subscribe_bundled(&[Interest::Everything]).await?;
             let presence = net.announce(&AgentId::clock()).await?;
             let mut conductor = Self {
                 team: team.to_vec(),

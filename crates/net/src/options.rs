@@ -1,6 +1,7 @@
 //! Options with which a process joins the bus, and Zenoh's configuration for them.
 
 use crate::NetError;
+use protocol::key::Name;
 
 /// Endpoint at which the squadron controller listens and the others connect by default.
 pub const DEFAULT_ENDPOINT: &str = "tcp/127.0.0.1:7447";
@@ -18,6 +19,8 @@ pub struct NetOptions {
     pub tls: Option<TlsFiles>,
     /// Permissions by the names in certificates: Zenoh's `access_control`, as JSON.
     pub access_control: Option<String>,
+    /// Name of this host in its certificate and in the access control.
+    pub host: Option<Name>,
     /// User name and password that every peer must show.
     pub user_password: Option<(String, String)>,
     /// File of `user:password` lines that a listening process accepts.

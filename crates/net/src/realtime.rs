@@ -158,7 +158,7 @@ pub async fn run<A: Agent>(
 ) -> Result<(), NetError> {
     let mut hosted = Hosted::of(agents, Arrival::WhenComputed);
     net.tells_for(&hosted.ids);
-    net.subscribe(&hosted.all).await?;
+    hosted.subscribe(net).await?;
     if let Some(speaker) = hosted.ids.first() {
         net.remember(speaker).await?;
     }
@@ -196,6 +196,7 @@ pub async fn run<A: Agent>(
                 for own in &hosted.ids {
                     net.say_again(own, due).await?;
                 }
+                net.flush().await?;
             }
         } else {
             for (k, agent) in agents.iter_mut().enumerate() {
@@ -204,6 +205,7 @@ pub async fn run<A: Agent>(
                     net.publish_all(&hosted.ids[k], due, &mut outbox).await?;
                 }
             }
+            net.flush().await?;
         }
         // A host that fell behind skips the missed ticks.
         look = (look + 1).max(clock.now().ns() / look_ns);
@@ -233,6 +235,7 @@ async fn tick<A: Agent>(
         hosted.act(k, agent, event, due, outbox);
         net.publish_all(&hosted.ids[k], due, outbox).await?;
     }
+    net.flush().await?;
     Ok(last)
 }
 
@@ -252,7 +255,7 @@ pub async fn observe<E: From<NetError>>(
     until: SimTime,
     mut take: impl FnMut(&[(Topic, Envelope)]) -> Result<(), E>,
 ) -> Result<(), E> {
-    net.subscribe(&[Interest::Everything]).await?;
+    net.subscribe_bundled(&[Interest::Everything]).await?;
     let _presence = net.announce(&AgentId::recorder()).await?;
     let mut one_run = OneRun::new(net.presence());
     let end = clock.instant(until) + LAST_WORDS;

@@ -1,6 +1,7 @@
 //! One process's session on the bus of one mission: what it says, and what it hears.
 
 use crate::asking::Asking;
+use crate::bundles::{ANY_HOST, Roles, Unbundler};
 use crate::figures::Figures;
 use crate::locks::lock;
 use crate::presence::{self, CALL_AGAIN, Presence, Roll};
@@ -9,6 +10,7 @@ use crate::remembered::Remembered;
 use crate::run::{Run, RunJoined};
 use crate::{NetError, NetOptions, random};
 use futures_core::future::BoxFuture;
+use protocol::bundle::{self, Bundle, BundleKind};
 use protocol::joining::{Introduction, RollEntry, RunAge};
 use protocol::key::Name;
 use protocol::message::LastSequences;
@@ -48,18 +50,23 @@ pub struct Net {
     /// This process ends in good order, and how often it has told so.
     ends: Arc<AtomicBool>,
     farewells: Arc<AtomicUsize>,
-    /// Those for whom this process tells of what is refused; of everything where nobody said.
-    tells_for: Arc<OnceLock<Vec<AgentId>>>,
     json: bool,
     /// Whether each message leaves by itself, at once: in lockstep everybody waits for it. In real time those that wait
     /// for the processor share a batch; else a few of them would fill the queue to a peer.
     express: bool,
-    publishers: BTreeMap<Topic, zenoh::pubsub::Publisher<'static>>,
+    /// By key expression.
+    publishers: BTreeMap<String, zenoh::pubsub::Publisher<'static>>,
+    /// Name of this host in the keys of its bundles.
+    host: Name,
+    /// What was said since the last bundles.
+    bundles: BTreeMap<BundleKind, Bundle>,
     presence: Presence,
     roll: Roll,
-    sender: mpsc::UnboundedSender<Received>,
+    intake: Intake,
+    unbundler: Unbundler,
     receiver: mpsc::UnboundedReceiver<Received>,
-    subscribed: Vec<Interest>,
+    /// Key expressions.
+    subscribed: BTreeSet<String>,
     pub(crate) remembered: Remembered,
     figures: Figures,
     /// What each agent said that holds until it says otherwise, by path.
@@ -89,6 +96,18 @@ impl Net {
             let (presence, roll) =
                 Presence::watch(&session, &mission, asking.clone(), told).await?;
             let (sender, receiver) = mpsc::unbounded_channel();
+            let intake = Intake {
+                mission: mission.clone(),
+                check: Arc::clone(&joined.check),
+                figures: figures.clone(),
+                tells_for: Arc::default(),
+                sender,
+            };
+            let roles = Roles::of(options.access_control.as_deref());
+            let host = match &options.host {
+                Some(host) => host.clone(),
+                None => Name::new(ANY_HOST).map_err(NetError::zenoh)?,
+            };
             Ok(Self {
                 session,
                 runtime,
@@ -103,15 +122,17 @@ impl Net {
                 announced: Mutex::default(),
                 ends: Arc::default(),
                 farewells: Arc::default(),
-                tells_for: Arc::default(),
                 json: options.json,
                 express: !options.real_time,
                 publishers: BTreeMap::new(),
+                host,
+                bundles: BTreeMap::new(),
                 presence,
                 roll,
-                sender,
+                unbundler: Unbundler::new(intake.clone(), roles),
+                intake,
                 receiver,
-                subscribed: Vec::new(),
+                subscribed: BTreeSet::new(),
                 remembered: Remembered::default(),
                 figures,
                 standing: BTreeMap::new(),
@@ -138,7 +159,7 @@ impl Net {
 
     /// Of what is refused only that is told which `agents` are to tell of.
     pub(crate) fn tells_for(&self, agents: &[AgentId]) {
-        let _ = self.tells_for.set(agents.to_vec());
+        let _ = self.intake.tells_for.set(agents.to_vec());
     }
 
     pub(crate) fn has_announced(&self) -> bool {
@@ -174,7 +195,7 @@ impl Net {
         }
     }
 
-    /// Hears everything that `interests` cover. To be called before [`Net::announce`].
+    /// Receives the messages that `interests` cover, each on its own key. To be called before [`Net::announce`].
     ///
     /// # Errors
     /// [`NetError::Zenoh`].
@@ -184,40 +205,51 @@ impl Net {
     ) -> BoxFuture<'a, Result<(), NetError>> {
         Box::pin(async move {
             for interest in interests {
-                // Heard already: it would be heard twice.
-                if self.subscribed.contains(interest) {
-                    continue;
-                }
-                self.subscribed.push(interest.clone());
-                let sender = self.sender.clone();
-                let mission = self.mission.clone();
-                let check = Arc::clone(&self.joined.check);
-                let figures = self.figures.clone();
-                let tells_for = Arc::clone(&self.tells_for);
-                self.session
-                    .declare_subscriber(interest.key_expression(&self.mission))
-                    .callback(move |sample| {
-                        let received = read(&sample, &mission, &check);
-                        figures.received(received.is_ok());
-                        if received.is_err() {
-                            let topic = Topic::parse_key(sample.key_expr().as_str(), &mission);
-                            let teller = topic.ok().and_then(|topic| topic.refusals_told_by());
-                            let others = |own: &Vec<AgentId>| {
-                                teller.is_some_and(|teller| !own.contains(&teller))
-                            };
-                            if tells_for.get().is_some_and(others) {
-                                return;
-                            }
-                        }
-                        // Foreign keys and garbage come out as errors for the owner to tell of.
-                        let _ = sender.send(received);
-                    })
-                    .background()
-                    .await
-                    .map_err(NetError::zenoh)?;
+                let key = interest.key_expression(&self.mission);
+                self.subscribe_to(key).await?;
             }
             Ok(())
         })
+    }
+
+    /// The same for whoever follows many vehicles: what the team says arrives in [bundles](bundle), one for a process
+    /// and tick. To be called before [`Net::announce`].
+    ///
+    /// # Errors
+    /// [`NetError::Zenoh`].
+    pub fn subscribe_bundled<'a>(
+        &'a mut self,
+        interests: &'a [Interest],
+    ) -> BoxFuture<'a, Result<(), NetError>> {
+        Box::pin(async move {
+            for interest in interests {
+                for key in bundle::key_expressions_beside(interest, &self.mission) {
+                    self.subscribe_to(key).await?;
+                }
+                for kind in self.unbundler.add(interest) {
+                    let key = kind.key_expression(&self.mission);
+                    if !self.subscribed.insert(key.clone()) {
+                        continue;
+                    }
+                    let unbundler = self.unbundler.clone();
+                    let subscriber = self.session.declare_subscriber(key);
+                    let subscriber = subscriber.callback(move |sample| unbundler.take(&sample));
+                    subscriber.background().await.map_err(NetError::zenoh)?;
+                }
+            }
+            Ok(())
+        })
+    }
+
+    async fn subscribe_to(&mut self, key_expression: String) -> Result<(), NetError> {
+        // Subscribed already: everything would be received twice.
+        if !self.subscribed.insert(key_expression.clone()) {
+            return Ok(());
+        }
+        let intake = self.intake.clone();
+        let subscriber = self.session.declare_subscriber(key_expression);
+        let subscriber = subscriber.callback(move |sample| intake.take(&sample));
+        subscriber.background().await.map_err(NetError::zenoh)
     }
 
     /// Shows the others that `agent` is there, until the returned token is dropped, and answers when the roll is called.
@@ -302,7 +334,7 @@ impl Net {
         self.receiver.try_recv().ok()
     }
 
-    /// Publishes one envelope with a seal.
+    /// Publishes one envelope at once.
     ///
     /// # Errors
     /// [`NetError::Zenoh`]; [`NetError::NotJoined`] before a run was joined.
@@ -312,42 +344,85 @@ impl Net {
         envelope: &'a Envelope,
     ) -> BoxFuture<'a, Result<(), NetError>> {
         Box::pin(async move {
-            let run = self.joined.run().ok_or(NetError::NotJoined)?.number;
-            let (payload, encoding) = if self.json {
-                (envelope.to_json().into_bytes(), Encoding::APPLICATION_JSON)
-            } else {
-                (envelope.to_bytes(), Encoding::APPLICATION_OCTET_STREAM)
-            };
-            if !self.publishers.contains_key(topic) {
-                let publisher = self
-                    .session
-                    .declare_publisher(topic.key(&self.mission))
-                    .congestion_control(CongestionControl::Block)
-                    .express(self.express)
-                    .await
-                    .map_err(NetError::zenoh)?;
-                self.publishers.insert(topic.clone(), publisher);
-            }
-            let Some(publisher) = self.publishers.get(topic) else {
-                return Ok(());
-            };
-            self.figures.one_said();
-            let key = publisher.key_expr().as_str();
-            let seal = lock(&self.sealer).seal(run, key, &payload);
-            publisher
-                .put(payload)
-                .encoding(encoding)
-                .attachment(seal)
-                .await
-                .map_err(NetError::zenoh)
+            self.add(topic, envelope).await?;
+            self.flush().await
         })
     }
 
-    /// Publishes all that `agent` said in `outbox` at `now`, and tells the last sequence per key.
+    /// Publishes an envelope on its own key, which costs next to nothing where nobody subscribes to that, and adds it to
+    /// the next bundle.
+    pub(crate) fn add<'a>(
+        &'a mut self,
+        topic: &'a Topic,
+        envelope: &'a Envelope,
+    ) -> BoxFuture<'a, Result<(), NetError>> {
+        Box::pin(async move {
+            let bytes = envelope.to_bytes();
+            if let Some(kind) = BundleKind::of(topic) {
+                self.bundles.entry(kind).or_default().add(topic, &bytes);
+            }
+            self.figures.one_said();
+            let key = topic.key(&self.mission);
+            if self.json {
+                let json = envelope.to_json().into_bytes();
+                self.put(key, json, Encoding::APPLICATION_JSON).await
+            } else {
+                self.put(key, bytes, Encoding::APPLICATION_OCTET_STREAM)
+                    .await
+            }
+        })
+    }
+
+    /// Publishes the bundles of what was added since the last call: after each tick of all agents.
+    ///
+    /// # Errors
+    /// As [`Net::publish`].
+    pub(crate) fn flush(&mut self) -> BoxFuture<'_, Result<(), NetError>> {
+        Box::pin(async move {
+            for kind in BundleKind::ALL {
+                let bundle = self.bundles.get_mut(&kind).map(Bundle::take);
+                if let Some(payload) = bundle.filter(|payload| !payload.is_empty()) {
+                    let key = kind.key(&self.mission, &self.host);
+                    self.put(key, payload, Encoding::APPLICATION_OCTET_STREAM)
+                        .await?;
+                }
+            }
+            Ok(())
+        })
+    }
+
+    /// Publishes a payload with a seal, by a publisher that is declared once for each key.
+    async fn put(
+        &mut self,
+        key: String,
+        payload: Vec<u8>,
+        encoding: Encoding,
+    ) -> Result<(), NetError> {
+        let run = self.joined.run().ok_or(NetError::NotJoined)?.number;
+        if !self.publishers.contains_key(&key) {
+            let publisher = self
+                .session
+                .declare_publisher(key.clone())
+                .congestion_control(CongestionControl::Block)
+                .express(self.express)
+                .await
+                .map_err(NetError::zenoh)?;
+            self.publishers.insert(key.clone(), publisher);
+        }
+        let Some(publisher) = self.publishers.get(&key) else {
+            return Ok(());
+        };
+        let seal = lock(&self.sealer).seal(run, &key, &payload);
+        let put = publisher.put(payload).encoding(encoding).attachment(seal);
+        put.await.map_err(NetError::zenoh)
+    }
+
+    /// Publishes all that `agent` said in `outbox` at `now`, in the bundle of the next [`Net::flush`] and on own keys,
+    /// and returns the last sequence per key.
     ///
     /// # Errors
     /// [`NetError::Zenoh`].
-    pub async fn publish_all(
+    pub(crate) async fn publish_all(
         &mut self,
         agent: &AgentId,
         now: SimTime,
@@ -358,7 +433,7 @@ impl Net {
         for (topic, message) in outbox.drain() {
             sequence += 1;
             let envelope = Envelope::new(agent.clone(), sequence, now, message);
-            self.publish(&topic, &envelope).await?;
+            self.add(&topic, &envelope).await?;
             wrote.insert(topic.path(), sequence);
             if holds_until_changed(&topic) {
                 let last = (topic, envelope.message);
@@ -430,27 +505,70 @@ fn looks_like_json(bytes: &[u8]) -> bool {
     bytes.iter().find(|b| !b.is_ascii_whitespace()) == Some(&b'{')
 }
 
-fn read(sample: &Sample, mission: &Name, check: &Mutex<SealCheck>) -> Received {
-    let key = sample.key_expr().as_str();
-    let topic = Topic::parse_key(key, mission)?;
-    let bytes = sample.payload().to_bytes();
-    let seal = sample.attachment().map(zenoh::bytes::ZBytes::to_bytes);
-    lock(check)
-        .take(key, &bytes, seal.as_deref())
-        .map_err(|fault| ProtocolError::Seal {
-            key: topic.path(),
-            fault,
-        })?;
-    let said_json = matches!(sample.encoding(), e if *e == Encoding::APPLICATION_JSON || *e == Encoding::TEXT_JSON);
-    let envelope = if said_json || looks_like_json(&bytes) {
-        let text = std::str::from_utf8(&bytes).map_err(|e| ProtocolError::Garbage {
-            key: topic.path(),
-            why: e.to_string(),
-        })?;
-        Envelope::from_json(&topic, text)?
-    } else {
-        Envelope::from_bytes(&topic, &bytes)?
-    };
-    envelope.message.check_numbers(&topic)?;
-    Ok((topic, envelope))
+/// What comes in: read, checked and passed on.
+#[derive(Clone)]
+pub(crate) struct Intake {
+    pub(crate) mission: Name,
+    check: Arc<Mutex<SealCheck>>,
+    figures: Figures,
+    /// Those for whom this process tells of what is refused; of everything where nobody said.
+    tells_for: Arc<OnceLock<Vec<AgentId>>>,
+    sender: mpsc::UnboundedSender<Received>,
+}
+
+impl Intake {
+    /// Takes a message on its own key.
+    fn take(&self, sample: &Sample) {
+        let key = sample.key_expr().as_str();
+        // Who subscribes to everything gets what is in bundles on its own keys.
+        if bundle::host_of(key).is_err() {
+            let topic = Topic::parse_key(key, &self.mission);
+            let received = topic.clone().and_then(|topic| self.read(sample, topic));
+            self.deliver(topic.as_ref().ok(), received);
+        }
+    }
+
+    fn read(&self, sample: &Sample, topic: Topic) -> Received {
+        let bytes = sample.payload().to_bytes();
+        self.check_seal(sample, &bytes, || topic.path())?;
+        let said_json = matches!(sample.encoding(), e if *e == Encoding::APPLICATION_JSON || *e == Encoding::TEXT_JSON);
+        let envelope = if said_json || looks_like_json(&bytes) {
+            let text = std::str::from_utf8(&bytes).map_err(|e| ProtocolError::Garbage {
+                key: topic.path(),
+                why: e.to_string(),
+            })?;
+            Envelope::from_json(&topic, text)?
+        } else {
+            Envelope::from_bytes(&topic, &bytes)?
+        };
+        envelope.message.check_numbers(&topic)?;
+        Ok((topic, envelope))
+    }
+
+    /// Checks the seal of what came in, which messages name `key`.
+    pub(crate) fn check_seal(
+        &self,
+        sample: &Sample,
+        bytes: &[u8],
+        key: impl FnOnce() -> String,
+    ) -> Result<(), ProtocolError> {
+        let seal = sample.attachment().map(zenoh::bytes::ZBytes::to_bytes);
+        lock(&self.check)
+            .take(sample.key_expr().as_str(), bytes, seal.as_deref())
+            .map_err(|fault| ProtocolError::Seal { key: key(), fault })
+    }
+
+    /// Passes on what came in on `topic`; none if it has none. Foreign keys and garbage come out as errors, for the
+    /// owner to tell of.
+    pub(crate) fn deliver(&self, topic: Option<&Topic>, received: Received) {
+        self.figures.received(received.is_ok());
+        if received.is_err() {
+            let teller = topic.and_then(Topic::refusals_told_by);
+            let others = |own: &Vec<AgentId>| teller.is_some_and(|teller| !own.contains(&teller));
+            if self.tells_for.get().is_some_and(others) {
+                return;
+            }
+        }
+        let _ = self.sender.send(received);
+    }
 }

@@ -39,6 +39,14 @@ pub enum ProtocolError {
         /// Key expression it came in on.
         key: String,
     },
+    /// A host's bundle holds a message that its roles do not allow it to publish.
+    #[error("host {host} is not allowed to publish on {key}")]
+    ForeignHost {
+        /// The host whose bundle it is.
+        host: String,
+        /// Key expression of the message.
+        key: String,
+    },
     /// A key that Plumage does not define.
     #[error("key '{0}': expected plumage/<mission>/<kind>/<id>/<topic>")]
     UnknownKey(String),

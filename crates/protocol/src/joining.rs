@@ -5,6 +5,10 @@ use crate::key::Name;
 use crate::seal::MissionKey;
 use serde::{Deserialize, Serialize};
 
+/// Version of how the processes of a mission publish: from 3 on in [bundles](crate::bundle). Processes of another version
+/// do not receive each other, so they are not admitted. The version of single envelopes is [`crate::WIRE_VERSION`].
+pub const BUS_VERSION: u8 = 3;
+
 /// What has to be the same in all processes of a mission.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MissionIdentity {
@@ -62,7 +66,7 @@ pub struct Introduction {
 pub struct Question {
     /// A random number, hexadecimal, unique to this request.
     pub question: String,
-    /// The wire version that who asks speaks.
+    /// The [`BUS_VERSION`] of who asks.
     #[serde(default)]
     pub wire_version: Option<u8>,
     /// The number of the process among those that speak.

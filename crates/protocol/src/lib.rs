@@ -55,6 +55,7 @@
 //! ```
 
 pub mod agent;
+pub mod bundle;
 pub mod bus;
 mod codec;
 pub mod control_level;

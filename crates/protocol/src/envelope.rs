@@ -60,7 +60,14 @@ impl Envelope {
 
     /// The JSON form: `{"wire_version", "sender", "sequence", "time_ns", "message": {…}}`.
     pub fn to_json(&self) -> String {
-        codec::encode_json(self)
+        let mut text = Vec::new();
+        codec::encode_json(self, &mut text);
+        String::from_utf8(text).unwrap_or_default()
+    }
+
+    /// Writes the JSON form into `buffer`, in place of what it holds: for who writes many.
+    pub fn write_json(&self, buffer: &mut Vec<u8>) {
+        codec::encode_json(self, buffer);
     }
 
     /// Reads the JSON form of a message that came in on `topic`.

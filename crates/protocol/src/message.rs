@@ -732,9 +732,9 @@ macro_rules! for_each_kind {
                 match topic { $($topics => $name,)* }
             }
 
-            /// The message alone as JSON.
-            pub(crate) fn to_json(&self) -> serde_json::Result<Box<serde_json::value::RawValue>> {
-                match self { $(Self::$variant(m) => serde_json::value::to_raw_value(m),)* }
+            /// Serializes the message alone, without the name of its kind.
+            pub(crate) fn serialize_content<S: serde::Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+                match self { $(Self::$variant(m) => m.serialize(to),)* }
             }
 
             /// Reads the JSON of the kind of message that belongs on `topic`.

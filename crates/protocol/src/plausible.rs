@@ -69,16 +69,15 @@ impl Looks<'_> {
     fn reading(&mut self, reading: &Reading) {
         self.place(reading.lat_deg, reading.lon_deg, reading.alt_amsl_m);
         self.at("co2_ppm", reading.co2_ppm, MOLE_FRACTION_PPM);
-        let stated = |value: &Option<f64>| value.map_or(Vec::new(), |value| vec![value]);
-        self.all("wind_speed_m_s", &stated(&reading.wind_speed_m_s), WIND_M_S);
-        self.all("wind_from_deg", &stated(&reading.wind_from_deg), ANGLE_DEG);
-        self.all(
-            "temperature_c",
-            &stated(&reading.temperature_c),
-            TEMPERATURE_C,
-        );
         let hpa = *PRESSURE_PA.start() / 100.0..=*PRESSURE_PA.end() / 100.0;
-        self.all("pressure_hpa", &stated(&reading.pressure_hpa), hpa);
+        for (field, value, range) in [
+            ("wind_speed_m_s", &reading.wind_speed_m_s, WIND_M_S),
+            ("wind_from_deg", &reading.wind_from_deg, ANGLE_DEG),
+            ("temperature_c", &reading.temperature_c, TEMPERATURE_C),
+            ("pressure_hpa", &reading.pressure_hpa, hpa),
+        ] {
+            self.all(field, value.as_slice(), range);
+        }
     }
 }
 

@@ -28,8 +28,9 @@ use std::time::{Duration, Instant};
 pub const CHUNK_SIM_NS: i64 = 400_000_000;
 /// Wall time after which a chunk is closed.
 pub const CHUNK_WALL: Duration = Duration::from_millis(400);
-/// Uncompressed size at which a chunk is closed, bytes.
-const CHUNK_BYTES: u64 = 1 << 20;
+/// Uncompressed size at which a chunk is closed, bytes: a chunk has an index for each channel in it, and a thousand
+/// vehicles have three thousand.
+const CHUNK_BYTES: u64 = 4 << 20;
 /// Name of the metadata record at the front of a recording.
 pub(crate) const RUN_METADATA: &str = "plumage.run";
 /// Name of the metadata record at the end of a finished recording.
@@ -75,7 +76,12 @@ pub struct Recorder {
     mission: Name,
     start_unix_ns: i64,
     writer: mcap::Writer<Appended>,
-    channels: BTreeMap<Topic, Channel>,
+    /// Nobody iterates over it.
+    channels: HashMap<Topic, Channel>,
+    /// Schemas by the kind of message.
+    schemas: BTreeMap<&'static str, u16>,
+    /// The JSON of one message, for the next as well.
+    json: Vec<u8>,
     /// Channels of messages that stand beside the mission's.
     beside: BTreeMap<String, Channel>,
     chunk: Option<(SimTime, Instant)>,
@@ -164,7 +170,9 @@ impl Recorder {
             mission: info.mission.clone(),
             start_unix_ns: info.start_unix_ns.unwrap_or(0),
             writer,
-            channels: BTreeMap::new(),
+            channels: HashMap::new(),
+            schemas: BTreeMap::new(),
+            json: Vec::new(),
             beside: BTreeMap::new(),
             chunk: None,
             totals: RecordingTotals::default(),
@@ -183,18 +191,21 @@ impl Recorder {
         {
             return Ok(());
         }
-        let json = envelope.to_json();
-        if !is_faithful(&json, topic, envelope) {
+        envelope.write_json(&mut self.json);
+        if !is_faithful(&self.json, topic, envelope) {
             let key = topic.key(&self.mission);
             *self.totals.not_finite.entry(key).or_default() += 1;
             return Ok(());
         }
         self.close_chunk_if_due(envelope.time)?;
-        let (id, sequence) = self.channel(topic)?;
+        let channel = self.channel(topic)?;
         // Both times are simulated, from the start that the scenario says, in the order of time, sender and
         // sequence in which agents handle messages: MCAP tools sort by log_time, and no wall clock may enter a
         // repeatable file.
-        self.write((id, sequence), envelope.time, &json)?;
+        let json = std::mem::take(&mut self.json);
+        let written = self.write(channel, envelope.time, &json);
+        self.json = json;
+        written?;
         self.totals.messages += 1;
         Ok(())
     }
@@ -216,16 +227,22 @@ impl Recorder {
                 (channel.id, channel.sequence)
             }
             None => {
-                let id = self.add_channel(topic, schema.0, &schema.1.to_string())?;
+                let schema = self.add_schema(schema.0, schema.1)?;
+                let id = self.add_channel(topic, schema)?;
                 self.beside
                     .insert(topic.to_owned(), Channel { id, sequence: 1 });
                 (id, 1)
             }
         };
-        self.write((id, sequence), time, json)
+        self.write((id, sequence), time, json.as_bytes())
     }
 
-    fn write(&mut self, channel: (u16, u32), time: SimTime, json: &str) -> Result<(), RecordError> {
+    fn write(
+        &mut self,
+        channel: (u16, u32),
+        time: SimTime,
+        json: &[u8],
+    ) -> Result<(), RecordError> {
         let since_ns = time.ns();
         let time_ns = u64::try_from(self.start_unix_ns.saturating_add(since_ns)).unwrap_or(0);
         let header = MessageHeader {
@@ -235,7 +252,7 @@ impl Recorder {
             publish_time: time_ns,
         };
         self.writer
-            .write_to_known_channel(&header, json.as_bytes())
+            .write_to_known_channel(&header, json)
             .map_err(|source| self.failed(source))
     }
 
@@ -303,23 +320,34 @@ impl Recorder {
             channel.sequence = channel.sequence.wrapping_add(1);
             return Ok((channel.id, channel.sequence));
         }
-        let schema = Envelope::json_schema(topic);
-        let name = schema["title"].as_str().unwrap_or("plumage").to_owned();
-        let key = topic.key(&self.mission);
-        let id = self.add_channel(&key, &name, &schema.to_string())?;
+        let kind = Message::name_on(topic);
+        let schema = match self.schemas.get(kind) {
+            Some(schema) => *schema,
+            None => {
+                let schema = Envelope::json_schema(topic);
+                let name = schema["title"].as_str().unwrap_or("plumage").to_owned();
+                let schema = self.add_schema(&name, &schema)?;
+                self.schemas.insert(kind, schema);
+                schema
+            }
+        };
+        let id = self.add_channel(&topic.key(&self.mission), schema)?;
         self.channels
             .insert(topic.clone(), Channel { id, sequence: 1 });
         Ok((id, 1))
     }
 
-    fn add_channel(&mut self, key: &str, name: &str, schema: &str) -> Result<u16, RecordError> {
-        self.writer
-            .add_schema(name, "jsonschema", schema.as_bytes())
-            .and_then(|schema| {
-                self.writer
-                    .add_channel(schema, key, "json", &BTreeMap::new())
-            })
-            .map_err(|source| self.failed(source))
+    fn add_schema(&mut self, name: &str, schema: &serde_json::Value) -> Result<u16, RecordError> {
+        let text = schema.to_string();
+        let added = self.writer.add_schema(name, "jsonschema", text.as_bytes());
+        added.map_err(|source| self.failed(source))
+    }
+
+    fn add_channel(&mut self, key: &str, schema: u16) -> Result<u16, RecordError> {
+        let added = self
+            .writer
+            .add_channel(schema, key, "json", &BTreeMap::new());
+        added.map_err(|source| self.failed(source))
     }
 
     fn failed(&self, source: mcap::McapError) -> RecordError {
@@ -371,8 +399,18 @@ fn write_front(writer: &mut mcap::Writer<Appended>, info: &RunInfo) -> mcap::Mca
 
 /// Whether the JSON form says the same as the envelope. JSON has no form for what is not finite
 /// and `null` stands in its place, which elsewhere means a value left out.
-fn is_faithful(json: &str, topic: &Topic, envelope: &Envelope) -> bool {
-    !json.contains("null") || Envelope::from_json(topic, json).is_ok_and(|read| read == *envelope)
+fn is_faithful(json: &[u8], topic: &Topic, envelope: &Envelope) -> bool {
+    const NULL: &[u8] = b"null";
+    // Of these, the most by far, all numbers are checked, and plausible ones are finite.
+    let is_finite = matches!(
+        envelope.message,
+        Message::State(_) | Message::Reading(_) | Message::Ambient(_)
+    ) && envelope.message.check_numbers(topic).is_ok();
+    let read = || {
+        std::str::from_utf8(json)
+            .is_ok_and(|text| Envelope::from_json(topic, text).is_ok_and(|read| read == *envelope))
+    };
+    is_finite || !json.windows(NULL.len()).any(|at| at == NULL) || read()
 }
 
 type Batch = Vec<(Topic, Envelope)>;

@@ -16,8 +16,12 @@ use plume::{
 /// Homes that a scenario does not give lie in a row this far upwind of the site, m …
 const HOME_UPWIND_M: f64 = 1100.0;
 /// … beyond the keep-out, so that a landing stays out of it (its circle reaches 980 m downwind of
-/// home), and this far from each other, m.
+/// home), and this far from each other, m …
 const HOME_SPACING_M: f64 = 60.0;
+/// … in rows of at most so many, which are shorter than the side of the default fence by a landing at either end, each
+/// row this far upwind of the one before, m: as far as vehicles with the same layer.
+const HOMES_IN_ROW: usize = 130;
+const ROW_SPACING_M: f64 = LAYER_SHARED_FROM_M;
 /// Half side of the square fence of a scenario that gives none, m.
 const DEFAULT_FENCE_M: f64 = 5000.0;
 /// Vehicles are planned farther apart in height than they must stay, by how far they may be off
@@ -195,9 +199,12 @@ impl Scenario {
         let frame = self.frame()?;
         // Upwind of the stacks, out of the plume, so that a sensor settles on the background first.
         let upwind_deg = self.weather.wind_from_deg;
-        let abeam_m = (index as f64 - (self.vehicles.len() as f64 - 1.0) / 2.0) * HOME_SPACING_M;
+        let (row, place) = (index / HOMES_IN_ROW, index % HOMES_IN_ROW);
+        let in_row = HOMES_IN_ROW.min(self.vehicles.len().saturating_sub(row * HOMES_IN_ROW));
+        let abeam_m = (place as f64 - (in_row as f64 - 1.0) / 2.0) * HOME_SPACING_M;
+        let row_m = HOME_UPWIND_M + row as f64 * ROW_SPACING_M;
         let at = Enu::default()
-            .displaced(upwind_deg, self.fence.keep_out_radius_m + HOME_UPWIND_M)
+            .displaced(upwind_deg, self.fence.keep_out_radius_m + row_m)
             .displaced(upwind_deg + 90.0, abeam_m);
         Ok(frame.to_geodetic(at))
     }

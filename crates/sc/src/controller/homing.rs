@@ -44,8 +44,11 @@ const SINK_M_S: (f64, f64) = (2.0, 2.4);
 const LAND_FROM_M: f64 = 60.0;
 /// How long a vehicle that goes round again keeps the next from landing, s.
 const ROUND_AGAIN_S: f64 = 90.0;
-/// Time kept in reserve for that, s, and for each vehicle of the team: in a large one each waits for
-/// many.
+/// Most vehicles that a landing may have to wait for, unless more are in its way: the reserves below were measured for
+/// teams of up to so many, in a row in which each is in the way of 16 others. Those of a longer row do not wait for more.
+const MEASURED_TEAM: usize = 30;
+/// Time kept in reserve for that, s, and for each vehicle that a landing may have to wait for: in a large team each waits
+/// for many.
 const RESERVE_S: (f64, f64) = (60.0, 7.0);
 /// Time that the way home may take longer than planned, s, and for each vehicle that may be in the
 /// way (measured: teams of 6 lose up to 80 s, of 30 up to 220 s).
@@ -85,14 +88,6 @@ pub(super) fn approaches_of(fleet: &Fleet, downwind_deg: f64) -> Approaches {
 struct Up {
     all: usize,
     real: usize,
-}
-
-impl Up {
-    /// What those may cost who come home with a vehicle, s: real ones find only real ones in their way.
-    fn detour_s(self, vehicle: &TeamVehicle) -> f64 {
-        let with = if vehicle.real { self.real } else { self.all };
-        DETOUR_S.0 + DETOUR_S.1 * with as f64
-    }
 }
 
 impl SquadronController {
@@ -162,7 +157,7 @@ impl SquadronController {
                         VehicleTask::Returning | VehicleTask::Landing(..)
                     );
                     let work_s = if index == next { LEAST_WORK_S } else { 0.0 };
-                    let least_s = climb_s(v) + work_s + self.way_home_s(v, up);
+                    let least_s = climb_s(v) + work_s + self.way_home_s(index, up);
                     begun && start_s >= now.s() || start_s >= now.s() + least_s
                 })
     }
@@ -177,7 +172,7 @@ impl SquadronController {
             let each = starts.into_iter().map(|(index, start_s)| {
                 let v = &self.fleet.vehicles[index];
                 let climb_s = (v.layer_amsl_m - v.home.height_m) / CLIMB_M_S;
-                let way_s = DETOUR_S.0 + DETOUR_S.1 * count as f64;
+                let way_s = self.detour_s(index, count);
                 climb_s + LEAST_WORK_S + way_s - start_s
             });
             let rises_s = BETWEEN_TAKE_OFFS_S * count as f64;
@@ -217,7 +212,7 @@ impl SquadronController {
         let starts = self.landing_starts_s(&team).into_iter();
         starts
             .map(|(index, start_s)| {
-                let way_s = self.way_home_s(&self.fleet.vehicles[index], up);
+                let way_s = self.way_home_s(index, up);
                 (index, (start_s - way_s).max(earliest_s))
             })
             .collect()
@@ -238,7 +233,8 @@ impl SquadronController {
         let mut starts: Vec<(usize, f64)> = Vec::with_capacity(team.len());
         for index in order {
             let low_m = self.lowest_wait_m(index);
-            let factor = BETWEEN.0 + BETWEEN.1 * team.len() as f64;
+            let in_turn = self.in_turn(index, team.len());
+            let factor = BETWEEN.0 + BETWEEN.1 * in_turn as f64;
             let between_s = factor * (circle_left_s(low_m) - self.circle_reached_s(low_m));
             let later = self.approaches.neighbours(index).filter_map(|k| planned[k]);
             let last_s = self.last_landing_start_s(index, team.len());
@@ -252,8 +248,19 @@ impl SquadronController {
     /// When a vehicle of a team of `team` in the air is to begin its landing at the latest if nobody is in its way, s.
     fn last_landing_start_s(&self, index: usize, team: usize) -> f64 {
         let low_m = self.lowest_wait_m(index);
-        let reserve_s = RESERVE_S.0 + RESERVE_S.1 * team as f64;
+        let reserve_s = RESERVE_S.0 + RESERVE_S.1 * self.in_turn(index, team) as f64;
         self.duration_s - reserve_s - circle_left_s(low_m) - FINAL_S
+    }
+
+    /// How many of a team of `team` in the air a landing may have to wait for, one after the other.
+    fn in_turn(&self, index: usize, team: usize) -> usize {
+        let near = 1 + self.approaches.neighbours(index).count();
+        team.min(near.max(MEASURED_TEAM))
+    }
+
+    /// What `others` that come home as well may cost a vehicle, s.
+    fn detour_s(&self, index: usize, others: usize) -> f64 {
+        DETOUR_S.0 + DETOUR_S.1 * self.in_turn(index, others) as f64
     }
 
     /// Lowest height above its home at which a vehicle waits for its landing, m.
@@ -263,9 +270,12 @@ impl SquadronController {
     }
 
     /// Time that a vehicle needs to above its home and down to where it waits while others are `up`, s.
-    fn way_home_s(&self, vehicle: &TeamVehicle, up: Up) -> f64 {
+    fn way_home_s(&self, index: usize, up: Up) -> f64 {
+        let vehicle = &self.fleet.vehicles[index];
+        // Real ones find only real ones in their way.
+        let detour_s = self.detour_s(index, if vehicle.real { up.real } else { up.all });
         let Some(track) = vehicle.track.filter(|s| s.airborne) else {
-            return up.detour_s(vehicle);
+            return detour_s;
         };
         let here = track.position;
         let distance_m = here.at.distance_m(vehicle.home.at);
@@ -285,7 +295,7 @@ impl SquadronController {
         } else {
             level_s + down_s
         };
-        flown_s + up.detour_s(vehicle)
+        flown_s + detour_s
     }
 
     /// How many are in the air.

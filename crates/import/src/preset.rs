@@ -33,8 +33,8 @@ pub static PRESETS: [Preset; 9] = [
         what: "a DJI flight record as CSV",
         has: &["OSD.latitude", "OSD.longitude"],
         begins: "",
-        // Programs for these records write dates as in the United States.
-        states: "time = [\"CUSTOM.date [local]\", \"CUSTOM.updateTime [local]\"]\ndate_order = \"mdy\"\n",
+        // Dates are in the order of the computer's language: the cells or the user tell it.
+        states: "time = [\"CUSTOM.date [local]\", \"CUSTOM.updateTime [local]\"]\n",
     },
     Preset {
         name: "sniffer4d",

@@ -47,6 +47,27 @@ fn a_dji_record_with_american_dates() {
     assert_eq!(row(&csv, 1), "1715598123.4,a,43.44,-7.86,340.0044,12");
 }
 
+/// The same record converted on a computer in German: points in dates, commas in numbers, other columns.
+#[test]
+fn a_dji_record_in_another_language() {
+    let log = "sep=;\nCUSTOM.date [local];CUSTOM.updateTime [local];OSD.flyTime;OSD.latitude;OSD.longitude;OSD.height [m];OSD.altitude [m];OSD.vpsHeight [m];APP.tip;CO2 [ppm]\n\
+        05.06.2024;13:02:03,40;0m 1,5s;43,4417123;-7,8631123;30,1;340,25;;Home point;421,5\n\
+        05.06.2024;13:02:03,50;0m 1,6s;43,4417223;-7,8631223;30,2;340,35;;;422,5\n";
+    let csv = read(log, "zone = \"+02:00\"\n", "dji");
+    // date -u -d '2024-06-05T13:02:03+02:00' +%s = 1717585323
+    assert_eq!(
+        row(&csv, 1),
+        "1717585323.4,a,43.4417123,-7.8631123,340.25,421.5"
+    );
+    let slashes = log.replace("05.06.2024", "5/6/2024");
+    let unknown = import(
+        &[("a.csv", slashes.as_bytes())],
+        "[[log]]\nzone = \"UTC\"\n",
+    );
+    let error = unknown.err().map(|e| e.to_string()).unwrap_or_default();
+    assert!(error.contains("--date-order dmy or mdy"), "{error}");
+}
+
 #[test]
 fn sniffer4d_in_its_makers_language() {
     let log = "#Created by: Sniffer4DMapper 2.2.06.29\n项目名称 :x\n采样点时间,相对高度 m,经度,纬度,温度 ℃,湿度 %,气压 Pa,SO2 μg/m3,CO mg/m3\n\

@@ -18,8 +18,8 @@ const HOME_UPWIND_M: f64 = 1100.0;
 /// … beyond the keep-out, so that a landing stays out of it (its circle reaches 980 m downwind of
 /// home), and this far from each other, m …
 const HOME_SPACING_M: f64 = 60.0;
-/// … in rows of at most so many, which are shorter than the side of the default fence by a landing at either end, each
-/// row this far upwind of the one before, m: as far as vehicles with the same layer.
+/// … in rows of at most so many, 7.7 km long, which leaves room for a landing at either end in a fence of 10 km; each row is
+/// this far upwind of the one before, m: as far as vehicles with the same layer.
 const HOMES_IN_ROW: usize = 130;
 const ROW_SPACING_M: f64 = LAYER_SHARED_FROM_M;
 /// Half side of the square fence of a scenario that gives none, m.

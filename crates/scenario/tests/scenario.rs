@@ -42,6 +42,24 @@ fn the_least_scenario_has_a_team_and_a_world() {
 }
 
 #[test]
+fn homes_of_a_large_team_are_apart_and_fit_into_a_usual_fence() {
+    let vehicles: String = (0..1000)
+        .map(|k| format!("[[vehicle]]\nid = \"{k}\"\nkind = \"simulated\"\n"))
+        .collect();
+    let s = Scenario::parse("s.toml", &format!("{LEAST}{vehicles}")).unwrap();
+    let frame = s.frame().unwrap();
+    let homes: Vec<_> = (0..1000)
+        .map(|k| frame.to_enu(s.home(k).unwrap()))
+        .collect();
+    for (k, home) in homes.iter().enumerate() {
+        for other in &homes[..k] {
+            let apart_m = home.distance_m(*other);
+            assert!((59.0..8300.0).contains(&apart_m), "{apart_m} m");
+        }
+    }
+}
+
+#[test]
 fn as_pontes_has_the_numbers_of_the_power_plant() {
     let s = Scenario::parse("as-pontes.toml", AS_PONTES).unwrap();
     // The paper's flight: 859 ppm at 2.4 km with a background of 449 ppm, axis at 486 m.

@@ -142,12 +142,17 @@ fn sources(scenario: &Scenario, airspace: &Airspace) -> Vec<Finding> {
     found
 }
 
-/// Whether there is time for all to rise, work and land.
+/// Whether there is time for all to rise, work and land; those that start in flight do not rise.
 fn time(scenario: &Scenario) -> Result<Option<Finding>, MissionError> {
     if !scenario.search.pattern.is_empty() {
         return Ok(None);
     }
-    let (fits, needed_s) = SquadronController::new(scenario)?.time_for_team();
+    let in_flight: Vec<bool> = scenario
+        .vehicles
+        .iter()
+        .map(|v| v.airborne.is_some())
+        .collect();
+    let (fits, needed_s) = SquadronController::new(scenario)?.time_for_team(&in_flight);
     let (team, duration_s) = (scenario.vehicles.len(), scenario.mission.duration_s);
     let words = |what: &str| {
         format!(

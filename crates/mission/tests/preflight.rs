@@ -178,6 +178,26 @@ fn a_team_needs_room_and_time() {
         "time",
         &["time for about", "for all 6"],
     );
+    // Two that start in flight save at least their turns to take off, 8 s each.
+    let in_flight = |home: &str, lon_deg: f64| {
+        format!(
+            "{home}\nairborne = {{ lat_deg = 43.4300, lon_deg = {lon_deg}, alt_amsl_m = 700.0, heading_deg = 90.0 }}"
+        )
+    };
+    let homes = [-7.8420, -7.8412]
+        .map(|lon_deg: f64| format!("home = {{ lat_deg = 43.4300, lon_deg = {lon_deg:.4} }}"));
+    let starts = [in_flight(&homes[0], -7.85), in_flight(&homes[1], -7.83)];
+    let flying = found(&[
+        ("duration_s = 2100.0", "duration_s = 1000.0"),
+        (&homes[0], &starts[0]),
+        (&homes[1], &starts[1]),
+    ]);
+    let needed_s = |findings: &[Finding]| -> f64 {
+        let time = findings.iter().find(|f| f.about == "time").unwrap();
+        let (_, after) = time.words.split_once("expected ").unwrap();
+        after.split(' ').next().unwrap().parse().unwrap()
+    };
+    assert!(needed_s(&shorter) - needed_s(&flying) >= 15.0);
 }
 
 #[test]

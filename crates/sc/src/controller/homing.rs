@@ -164,18 +164,25 @@ impl SquadronController {
 
     /// How many of the team, in the order in which they rise, have time to take off one after the
     /// other, work and land by the mission's end; and how long a mission would have to be for all, s.
-    /// As far as can be told on the ground.
-    pub fn time_for_team(&self) -> (usize, f64) {
+    /// As far as can be told before the start; `in_flight` are those of the team that start in flight.
+    pub fn time_for_team(&self, in_flight: &[bool]) -> (usize, f64) {
+        let rises = |index: usize| !in_flight.get(index).copied().unwrap_or_default();
         let order = self.launch_order((0..self.fleet.vehicles.len()).collect());
         let missing_s = |count: usize| {
             let starts = self.landing_starts_s(&order[..count]);
             let each = starts.into_iter().map(|(index, start_s)| {
                 let v = &self.fleet.vehicles[index];
-                let climb_s = (v.layer_amsl_m - v.home.height_m) / CLIMB_M_S;
+                let climb_m = v.layer_amsl_m - v.home.height_m;
+                let climb_s = if rises(index) {
+                    climb_m / CLIMB_M_S
+                } else {
+                    0.0
+                };
                 let way_s = self.detour_s(index, count);
                 climb_s + LEAST_WORK_S + way_s - start_s
             });
-            let rises_s = BETWEEN_TAKE_OFFS_S * count as f64;
+            let rising = order[..count].iter().filter(|&&index| rises(index)).count();
+            let rises_s = BETWEEN_TAKE_OFFS_S * rising as f64;
             rises_s + each.fold(f64::NEG_INFINITY, f64::max)
         };
         let fits = (1..=order.len()).take_while(|&count| missing_s(count) <= 0.0);

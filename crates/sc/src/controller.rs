@@ -138,6 +138,7 @@ impl SquadronController {
             airspace,
             separation,
             airspeed_m_s: scenario.search.airspeed_m_s,
+            has_real: vehicles.iter().any(|v| v.real),
             places: places(&vehicles),
             vehicles,
             passes: Vec::new(),
@@ -425,12 +426,14 @@ impl SquadronController {
     /// Lets the strategy learn what a vehicle of the team read: where there are real ones, theirs alone tell of the air that
     /// is searched.
     fn sense(&mut self, name: &Name, time: SimTime, sample: &Sample, real: bool) {
-        let vehicles = &self.fleet.vehicles;
-        if !real && vehicles.iter().any(|v| v.real) {
+        if !real && self.fleet.has_real {
             return;
         }
         // What was fed in counts as the reading of one more.
-        let id = self.fleet.index_of(name).unwrap_or(vehicles.len());
+        let id = self
+            .fleet
+            .index_of(name)
+            .unwrap_or(self.fleet.vehicles.len());
         if let Some(strategy) = &mut self.strategy {
             strategy.sense(time.s(), id, sample, &mut self.rng);
         }

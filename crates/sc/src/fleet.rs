@@ -264,6 +264,8 @@ pub struct Fleet {
     pub airspeed_m_s: f64,
     /// The vehicles in the scenario's order.
     pub vehicles: Vec<TeamVehicle>,
+    /// Whether any of them is real: every reading asks.
+    pub(crate) has_real: bool,
     /// Their places by name.
     pub(crate) places: BTreeMap<Name, usize>,
     /// Passes that real vehicles fly now and next: those who fly none keep clear of them.
@@ -295,6 +297,7 @@ impl Fleet {
         vehicle.approach = None;
         vehicle.route.clear();
         vehicle.parts.clear();
+        self.has_real = self.vehicles.iter().any(|v| v.real);
     }
 
     /// Takes in a vehicle's state; one that is not finite is passed over.

@@ -7,13 +7,39 @@ use programs::commands::{
 };
 use programs::failure;
 use std::process::ExitCode;
+use std::sync::LazyLock;
 
 /// Fly teams of simulated and real aircraft that find and map the plume of an air-pollution source
 #[derive(Debug, Parser)]
-#[command(name = "plumage", version, about, after_help = AFTER_HELP)]
+#[command(name = "plumage", version = version(), about, after_help = AFTER_HELP)]
 struct Arguments {
     #[command(subcommand)]
     command: Command,
+}
+
+/// Version, commit and features. The commit is that of the environment variable `PLUMAGE_COMMIT` while it is built: a build
+/// that looked for it by itself would be linked anew after each commit.
+fn version() -> &'static str {
+    static VERSION: LazyLock<String> = LazyLock::new(version_words);
+    &VERSION
+}
+
+fn version_words() -> String {
+    let commit = option_env!("PLUMAGE_COMMIT").filter(|commit| !commit.is_empty());
+    let features = [
+        ("mbtiles", cfg!(feature = "mbtiles")),
+        ("spreadsheets", cfg!(feature = "spreadsheets")),
+    ];
+    let features: Vec<&str> = features.iter().filter(|f| f.1).map(|f| f.0).collect();
+    let features = match &features[..] {
+        [] => "none".to_owned(),
+        some => some.join(", "),
+    };
+    format!(
+        "{} (commit {}; features: {features})",
+        env!("CARGO_PKG_VERSION"),
+        commit.unwrap_or("not stated")
+    )
 }
 
 const AFTER_HELP: &str = "\

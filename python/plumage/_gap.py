@@ -6,12 +6,15 @@ import io
 import json
 import os
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Union
+from typing import TYPE_CHECKING, Any, Union
 
 from . import _plumage
 from ._plumage import Aircraft, InputError, Scenario
 from ._scenario import ScenarioLike, scenario_of
 from ._table import Table
+
+if TYPE_CHECKING:
+    import pandas
 
 #: Something measured: a file, a table of pandas or Arrow (or anything with Arrow's PyCapsule interface).
 Measured = Union[str, "os.PathLike[str]", Table, Any]
@@ -28,6 +31,23 @@ class Finding(dict[str, Any]):
     #: What was noticed in the data.
     notices: list[str]
 
+    def __str__(self) -> str:
+        """Return the answer in words, then what is wrong with the data, a line each."""
+        flaws = self.get("data_quality", [])
+        return "\n".join([self["summary"], *self.notices, *(flaw["message"] for flaw in flaws)])
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return the parameters of the causes, a row each, as a pandas DataFrame; needs pandas."""
+        import pandas
+
+        rows = [
+            {"mechanisms": " or ".join(cause["mechanisms"]), "probability": cause["probability"], **parameter}
+            for cause in self["causes"]
+            for parameter in cause["parameters"]
+        ]
+        first = ["mechanisms", "probability", "name", "value", "sd", "unit"]
+        return pandas.DataFrame(rows).reindex(columns=first)
+
 
 class Calibration(dict[str, Any]):
     """Result of a calibration: ``calibration.json`` and the calibrated scenario."""
@@ -36,6 +56,14 @@ class Calibration(dict[str, Any]):
     scenario: Scenario
     #: What was noticed in the data.
     notices: list[str]
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return the parameters, a row each, as a pandas DataFrame; needs pandas."""
+        import pandas
+
+        known = {name: told for name, told in self.items() if isinstance(told, Mapping) and {"value", "sd"} <= told.keys()}
+        rows = [{"name": name, "value": told["value"], "sd": told["sd"]} for name, told in known.items()]
+        return pandas.DataFrame(rows, columns=["name", "value", "sd"])
 
 
 def gap_plume(

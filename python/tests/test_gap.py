@@ -57,6 +57,9 @@ def test_a_lag_is_found_in_a_frame_and_nothing_where_there_is_none():
     assert abs(lag["value"] - 8.0) < 3 * lag["sd"] + 0.5
     assert told and told == sorted(told)
     assert 'id = "sensor-lag"' in found.extended.to_toml()
+    frame = found.to_pandas()
+    assert list(frame.mechanisms) == ["sensor-lag"] and frame.value[0] == lag["value"]
+    assert str(found).startswith(found["summary"])
     assert plumage.gap_plume(weaving(0.0), MODEL)["verdict"] == "none"
 
 
@@ -82,6 +85,7 @@ def test_calibration_finds_the_strength(command, tmp_path):
     corrected = plumage.calibrate(frame, uncertain)
     c_max = corrected["c_max_ppm"]
     assert abs(c_max["value"] - 180.0) < 4 * c_max["sd"]
+    assert corrected.to_pandas().set_index("name").loc["c_max_ppm", "value"] == c_max["value"]
     assert corrected.scenario.to_dict()["source"][0]["c_max_ppm"] == pytest.approx(c_max["value"])
     file, scenario = tmp_path / "obs.csv", tmp_path / "model.toml"
     frame.to_csv(file, index=False)

@@ -288,7 +288,10 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     print!("{}", record::text::summary(&summary));
     println!("{}", outputs::listed(&folder));
     if let Some(mut page) = flight.page {
-        page.with(|live| live.run.reported = folder.join("report.html").is_file());
+        page.with(|live| {
+            live.run.reported = folder.join("report.html").is_file();
+            live.conclusion = Some(record::text::peak(&summary));
+        });
         arguments.stay(&mut page, &flight.stop)?;
         page.close();
     }

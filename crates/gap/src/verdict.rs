@@ -1,6 +1,7 @@
 //! The verdict as `gap.json` has it (schema "plumage.gap/2"): one set of types for plume,
 //! tracer and flight. What is not finite is written as null.
 
+use formats::number::plus_minus;
 use plume::Gas;
 use scenario::observations::Observations;
 pub use scenario::observations::{DataQuality, Flaw};
@@ -129,7 +130,7 @@ impl Cause {
     /// When it set in, in words that follow its name; empty where it was there from the beginning or that is not asked.
     pub fn onset_after(&self) -> String {
         self.onset_s.map_or_else(String::new, |at| {
-            format!(" from {:.1} ± {:.1} s on", at.value, at.sd)
+            format!(" from {} s on", plus_minus(at.value, at.sd))
         })
     }
 }
@@ -418,12 +419,10 @@ impl Pair {
         let [follower, leader] = &self.platforms;
         let (lag, delay) = (self.time_constant_s, self.delay_s);
         format!(
-            "{follower} follows {leader} with a time constant of {:.1} ± {:.1} s and a delay of {:.1} ± {:.1} s \
-             (correlation {:.2} as read, {:.2} with them).",
-            lag.value,
-            lag.sd,
-            delay.value,
-            delay.sd,
+            "{follower} follows {leader} with a time constant of {} s and a delay of {} s (correlation {:.2} as read, \
+             {:.2} with them).",
+            plus_minus(lag.value, lag.sd),
+            plus_minus(delay.value, delay.sd),
             self.correlation_before,
             self.correlation_after
         )

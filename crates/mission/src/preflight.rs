@@ -7,6 +7,7 @@ use crate::{MissionError, Setup};
 use air::geo::{Enu, Geodetic, Position};
 use fdm::Airframe;
 use fdm::dynamics::Dynamics;
+use plume::DispersionModel;
 use sc::SquadronController;
 use sc::controller::LEAST_OVER_GROUND_M_S;
 use sc::fleet::{MARGIN_M, ORBIT_M};
@@ -15,6 +16,7 @@ use scenario::airspace::Airspace;
 use scenario::bounds::Bounds;
 use scenario::tables::VehicleTable;
 use scenario::uncertain::Uncertain;
+use scenario::world::WorldError;
 
 /// A wind above this part of the airspeed is doubtful: gusts of the tenth part of it, three times
 /// their standard deviation (MIL-F-8785C), then reach the airspeed less the least speed over ground.
@@ -47,7 +49,8 @@ const GRID_STEPS: usize = 200;
 /// times that far no plume is left. A source beyond has a digit or a sign too many.
 const FARTHEST_SOURCE_M: f64 = 50_000.0;
 
-/// A plume is out of reach where the ceiling lies so many standard deviations of the axis' height below it.
+/// A plume is out of reach where the ceiling lies so many standard deviations of the axis' height below it. It cannot be
+/// read where the ceiling lies so many below it of that height and of the plume's own where it leaves the fence.
 const OUT_OF_REACH_SD: f64 = 4.0;
 
 /// How bad a finding is.
@@ -101,7 +104,7 @@ pub fn check(setup: &Setup) -> Result<Vec<Finding>, MissionError> {
     found.extend(wind(setup)?);
     found.extend(homes(setup, &airspace)?);
     found.extend(starts_in_flight(setup, &airspace)?);
-    found.extend(sources(&setup.scenario, &airspace));
+    found.extend(sources(&setup.scenario, &airspace)?);
     found.extend(ground(setup, &airspace)?);
     found.extend(room(&setup.scenario, &airspace));
     found.extend(time(&setup.scenario)?);
@@ -109,22 +112,34 @@ pub fn check(setup: &Setup) -> Result<Vec<Finding>, MissionError> {
 }
 
 /// Whether the fence is where the sources' plumes may be.
-fn sources(scenario: &Scenario, airspace: &Airspace) -> Vec<Finding> {
+fn sources(scenario: &Scenario, airspace: &Airspace) -> Result<Vec<Finding>, MissionError> {
     let mut found = Vec::new();
+    let world = DispersionModel::new(scenario.dispersion_spec()?).map_err(WorldError::from)?;
     let height_sd_m = scenario.corrected_sd(Uncertain::EffectiveHeight);
     let ceiling_m = airspace.height_band_amsl_m().1 - scenario.site.ground_amsl_m;
     for source in &scenario.sources {
+        let at = airspace
+            .frame()
+            .to_enu(Geodetic::new(source.lat_deg, source.lon_deg));
+        let outside_m = -air::area::clearance_m(airspace.polygon(), at);
         let axis_m = source.axis_height_agl_m();
-        if axis_m - OUT_OF_REACH_SD * height_sd_m.unwrap_or(0.0) > ceiling_m {
+        let height_sd_m = height_sd_m.unwrap_or(0.0);
+        let corners = airspace
+            .polygon()
+            .iter()
+            .map(|corner| corner.distance_m(at));
+        let plume_m = world.sigmas_m(corners.fold(0.0, f64::max)).1;
+        let above_m = (axis_m - ceiling_m) / OUT_OF_REACH_SD;
+        if outside_m <= FARTHEST_SOURCE_M && above_m > height_sd_m {
             let words = format!(
                 "the plume of {} is {axis_m:.0} m above ground, and vehicles fly up to {ceiling_m:.0} m. Check digits and \
                  unit of source.effective_height_m and the ceiling of the fence",
                 source.name
             );
-            found.push(warned("source", words));
+            let is_unreadable = above_m > height_sd_m.hypot(plume_m);
+            let verdict = if is_unreadable { refused } else { warned };
+            found.push(verdict("source", words));
         }
-        let at = Geodetic::new(source.lat_deg, source.lon_deg);
-        let outside_m = -air::area::clearance_m(airspace.polygon(), airspace.frame().to_enu(at));
         if outside_m <= FARTHEST_SOURCE_M {
             continue;
         }
@@ -139,7 +154,7 @@ fn sources(scenario: &Scenario, airspace: &Airspace) -> Vec<Finding> {
         );
         found.push(refused("source", words));
     }
-    found
+    Ok(found)
 }
 
 /// Whether there is time for all to rise, work and land; those that start in flight do not rise.

@@ -464,6 +464,12 @@ pub struct Flux {
 impl Flux {
     /// Between the names of sources that were weighed together.
     pub const AND: &str = " + ";
+
+    /// The first of `found` that was found by `method`: value and standard deviation, kg/s.
+    pub fn by(method: FluxMethod, found: &[Self]) -> Option<(f64, f64)> {
+        let first = found.iter().find(|f| f.method == method)?;
+        Some((first.kg_s.value, first.kg_s.sd))
+    }
 }
 
 /// How a flux was found.
@@ -569,6 +575,16 @@ impl PeakStatus {
     /// Whether real readings stand behind the peak: confirmed or supported.
     pub fn stands(self) -> bool {
         matches!(self, Self::Confirmed | Self::Supported)
+    }
+
+    /// It in words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Confirmed => "confirmed",
+            Self::Supported => "supported",
+            Self::Doubtful => "doubtful",
+            Self::NotFound => "not found",
+        }
     }
 }
 

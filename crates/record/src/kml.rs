@@ -389,7 +389,7 @@ fn peak(xml: &mut Xml, shown: &Shown, peak: &Peak) -> Written {
         "{} ppm {}, background included; {}",
         plus_minus(peak.co2_ppm, peak.sd_ppm),
         shown.gas.formula(),
-        text::status(peak.status)
+        peak.status.words()
     );
     let at = [peak.lon_deg, peak.lat_deg, peak.alt_amsl_m];
     point_placemark(xml, (&name, &description, "peak"), at, "absolute")

@@ -9,7 +9,7 @@ use protocol::message::{
 };
 use protocol::{Envelope, SimTime, Topic};
 use scenario::Scenario;
-use scenario::contradiction::{Contradiction, Corrected, Evidence};
+use scenario::contradiction::{Contradiction, Corrected, Evidence, Read};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -450,8 +450,13 @@ impl Summariser {
                 let flies = self.vehicles.get(id).is_some_and(|v| v.airborne.0);
                 if reading.kind == VehicleKind::Real {
                     self.came_near |= flies && self.is_near(reading);
-                    let wind = reading.wind_speed_m_s.zip(reading.wind_from_deg);
-                    self.evidence.read(reading.co2_ppm, wind);
+                    self.evidence.read(&Read {
+                        vehicle: id.as_str(),
+                        ppm: reading.co2_ppm,
+                        at: Geodetic::new(reading.lat_deg, reading.lon_deg),
+                        alt_amsl_m: reading.alt_amsl_m,
+                        wind: reading.wind_speed_m_s.zip(reading.wind_from_deg),
+                    });
                 }
                 self.vehicle(id, reading.kind)
                     .read(reading.read_at(envelope.time), reading);
@@ -460,7 +465,8 @@ impl Summariser {
                 self.after = model.as_ref().into();
                 if model.observations > 0 {
                     let corrected = self.after.corrected(self.context.before.c_max_ppm);
-                    self.evidence.correct(corrected);
+                    let balance = Flux::by(FluxMethod::MassBalance, &model.flux);
+                    self.evidence.correct(corrected, balance);
                 }
                 self.peak = model.peak.or(self.peak);
                 self.flux.clone_from(&model.flux);

@@ -170,16 +170,6 @@ pub fn contradictions(found: &[Contradiction]) -> String {
     said.collect::<Vec<_>>().join(" ")
 }
 
-/// How far readings stand behind a peak, in a word.
-pub fn status(status: PeakStatus) -> &'static str {
-    match status {
-        PeakStatus::Confirmed => "confirmed",
-        PeakStatus::Supported => "supported",
-        PeakStatus::Doubtful => "doubtful",
-        PeakStatus::NotFound => "not found",
-    }
-}
-
 fn estimate(gas: Gas, peak: &Peak) -> String {
     format!(
         "{} {} at {}, the highest value within the fence",
@@ -226,7 +216,7 @@ pub fn flux_notes(summary: &MissionSummary) -> Vec<String> {
 }
 
 /// Where a source lies that readings showed beside the scenario's; nothing of another mechanism.
-fn added_source(mechanism: &MechanismSetting) -> Option<String> {
+pub fn added_source(mechanism: &MechanismSetting) -> Option<String> {
     let of = |name: &str| mechanism.parameters.get(name).copied();
     let (east_m, north_m, ratio) = (of("east_m")?, of("north_m")?, of("ratio")?);
     let side = |m: f64, plus: &str, minus: &str| {

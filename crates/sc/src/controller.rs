@@ -18,11 +18,12 @@ use csea::{
     Archive, ArchiveOptions, CsEaOptions, Domain, PlumePrior, Position, Sample, SearchStrategy,
     strategy_by_name,
 };
+use formats::number::plus_minus;
 use plume::{DispersionSpec, MechanismId, SourceSpec};
 use protocol::key::Name;
 use protocol::message::{
-    ControlWish, Destination, MechanismSetting, Mode, Model, Observation, Peak, PeakStatus, Phase,
-    Plan, Population, Reading, Severity, State, VehicleKind as Kind,
+    ControlWish, Destination, Estimate, MechanismSetting, Mode, Model, Observation, Peak,
+    PeakStatus, Phase, Plan, Population, Reading, Severity, State, VehicleKind as Kind,
 };
 use protocol::{Agent, AgentId, Envelope, Event, Interest, Message, Outbox, SimTime, Topic};
 use rand::rngs::ChaCha8Rng;
@@ -597,7 +598,7 @@ impl SquadronController {
         out.say(Topic::Plan, Message::Plan(plan));
     }
 
-    /// Publishes what was found, and how far readings stand behind it.
+    /// Publishes what was found so far, and how far readings stand behind it: the world simulator concludes at the end.
     fn publish_findings(&self, out: &mut Outbox) {
         let Some(model) = &self.model else { return };
         let Some(peak) = self.peak() else {
@@ -605,22 +606,17 @@ impl SquadronController {
                 .to_owned();
             return out.event(&self.id, Severity::Warning, "peak-not-found", words);
         };
-        let digits = self.base.sources[0].gas.digits();
-        let ppm = |value: f64| format!("{value:.digits$}");
+        let known = |e: Estimate| plus_minus(e.value, e.sd);
         let text = format!(
-            "peak {} ± {} ppm at {:.5}, {:.5}, {:.0} m AMSL; H {:.0} ± {:.0} m AGL, axis towards \
-             {:.1} ± {:.1} degrees, c_max {} ± {} ppm above background at {:.0} m",
-            ppm(peak.co2_ppm),
-            ppm(peak.sd_ppm),
+            "preliminary peak {} ppm at {:.5}, {:.5}, {:.0} m AMSL; H {} m AGL, axis towards {} degrees, c_max {} ppm \
+             above background at {:.0} m",
+            plus_minus(peak.co2_ppm, peak.sd_ppm),
             peak.lat_deg,
             peak.lon_deg,
             peak.alt_amsl_m,
-            model.effective_height_agl_m.value,
-            model.effective_height_agl_m.sd,
-            model.axis_deg.value,
-            model.axis_deg.sd,
-            ppm(model.c_max_ppm.value),
-            ppm(model.c_max_ppm.sd),
+            known(model.effective_height_agl_m),
+            known(model.axis_deg),
+            known(model.c_max_ppm),
             model.c_max_distance_m.value
         );
         let (severity, code) = match peak.status {

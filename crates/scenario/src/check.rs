@@ -5,6 +5,7 @@ use crate::tables::{
     SourceShape, SourceTable, VehicleKind, VehicleTable, WeatherTable,
 };
 use crate::{ScenarioError, line_and_column, uncertain};
+use air::geo::Geodetic;
 use plume::{Gas, Unit};
 use std::collections::BTreeSet;
 use toml::de::{DeTable, DeValue};
@@ -29,6 +30,9 @@ impl Refusal {
         }
     }
 }
+
+/// Farthest source from the site, m, that the plume model accepts.
+const FARTHEST_FROM_SITE_M: f64 = 1e6;
 
 type Checked = Result<(), Refusal>;
 
@@ -79,6 +83,7 @@ impl Scenario {
         }
         for (k, source) in self.sources.iter().enumerate() {
             check_source(k, source)?;
+            near_site(k, source, self)?;
         }
         positive("plume.sigma_y_scale", self.plume.sigma_y_scale)?;
         positive("plume.sigma_z_scale", self.plume.sigma_z_scale)?;
@@ -299,6 +304,35 @@ fn check_source(k: usize, source: &SourceTable) -> Checked {
             ))
         }
     }
+}
+
+/// Whether a source is near enough to the site for the local plane.
+fn near_site(k: usize, source: &SourceTable, scenario: &Scenario) -> Checked {
+    let site = &scenario.site;
+    // A site without a frame is refused elsewhere.
+    let Ok(frame) = scenario.frame() else {
+        return Ok(());
+    };
+    let at = frame.to_enu(Geodetic::new(source.lat_deg, source.lon_deg));
+    let (east_m, north_m) = (at.east_m.abs(), at.north_m.abs());
+    if east_m.max(north_m) <= FARTHEST_FROM_SITE_M {
+        return Ok(());
+    }
+    let (key, found) = if east_m > north_m {
+        ("lon_deg", source.lon_deg)
+    } else {
+        ("lat_deg", source.lat_deg)
+    };
+    Err(Refusal::new(
+        format!("source.{k}.{key}"),
+        found,
+        format!(
+            "a source at most {:.0} km from the site at {}, {}; check signs and order of latitude and longitude",
+            FARTHEST_FROM_SITE_M / 1e3,
+            site.lat_deg,
+            site.lon_deg
+        ),
+    ))
 }
 
 /// Whether a source's emission changes over time.

@@ -56,7 +56,8 @@ function take(message) {
 
 function fillPeak() {
   const { live, site } = known, p = live.peak, big = $("peak-number"), rest = $("peak-rest");
-  if (!p) { big.textContent = "no peak found yet"; rest.textContent = ""; return; }
+  $("conclusion").textContent = live.conclusion || "";
+  if (!p) { big.textContent = live.ended ? "no peak to report" : "no peak found yet"; rest.textContent = ""; return; }
   big.textContent = `${plusMinus(p.ppm, p.sd)} ppm, ${live.ended ? "" : "preliminary, "}${p.status}`;
   const from = site.stacks[0];
   const away = from ? `${distance(Math.hypot(p.e - from.e, p.n - from.n))} from ${from.name}, ` : "";
@@ -73,7 +74,7 @@ function fillModel() {
     return row;
   }));
   $("taken").textContent = `${live.model.observations} real readings used`;
-  $("mechanisms").textContent = live.model.mechanisms.length ? "Extended by " + live.model.mechanisms.join(", ") : "";
+  $("mechanisms").textContent = live.model.mechanisms.join(" ");
   $("flux").textContent = live.model.flux.map(([source, method, value, sd]) =>
     `${source}: ${plusMinus(value, sd)} kg/s by ${method}`).join("; ") || "not measured yet";
 }

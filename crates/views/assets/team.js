@@ -52,6 +52,16 @@ function isAsked(v, words) {
   return words.every(word => text.includes(word));
 }
 
+/** How many vehicles do what, the most frequent first. */
+function activities(vehicles) {
+  const counts = new Map();
+  for (const v of vehicles) {
+    const what = v.silent_s > SILENT_S && v.airborne ? "silent" : doing(v);
+    counts.set(what, (counts.get(what) || 0) + 1);
+  }
+  return [...counts].sort((a, b) => b[1] - a[1]).map(([what, count]) => `${count} ${what}`).join(", ");
+}
+
 export function fillTeam() {
   const { live } = known, words = $("filter").value.toLowerCase().split(/\s+/).filter(Boolean);
   const shown = live.vehicles.filter(v => isAsked(v, words)).sort((a, b) => a.id.localeCompare(b.id, "en", { numeric: true }));
@@ -60,8 +70,10 @@ export function fillTeam() {
   if (now !== order) { order = now; $("team").tBodies[0].replaceChildren(...shown.map(v => rows.get(v.id))); }
   for (const v of shown) fillRow(rows.get(v.id), v);
   const real = live.vehicles.filter(v => v.real).length, up = live.vehicles.filter(v => v.airborne).length;
-  set($("team-count"), `${live.vehicles.length}, ${real} real, ${up} in the air` + (words.length ? `; ${shown.length} shown` : ""));
-  $("filter").hidden = live.vehicles.length <= 8;
+  const many = live.vehicles.length > 8;
+  set($("team-count"), `${live.vehicles.length}, ${real} real, ${up} in the air` + (words.length ? `; ${shown.length} shown` : "")
+    + (many ? `: ${activities(live.vehicles)}` : ""));
+  $("filter").hidden = !many;
   $("team").classList.toggle("simulated", !live.vehicles.some(healthOf));
   fillVehicle();
 }

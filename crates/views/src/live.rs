@@ -81,6 +81,8 @@ pub struct LiveState {
     site: Arc<SiteMap>,
     /// How the run goes.
     pub run: RunStatus,
+    /// What the mission concludes, in the words of its summary; none before its end.
+    pub conclusion: Option<String>,
     time: SimTime,
     phase: Option<Phase>,
     vehicles: BTreeMap<String, Vehicle>,
@@ -106,6 +108,7 @@ impl LiveState {
         Self {
             site,
             run: RunStatus::default(),
+            conclusion: None,
             time: SimTime::ZERO,
             phase: None,
             vehicles: BTreeMap::new(),
@@ -296,8 +299,9 @@ impl LiveState {
                 json!({"e": at.east_m, "n": at.north_m, "alt": p.alt_amsl_m,
                        "lat": p.lat_deg, "lon": p.lon_deg,
                        "ppm": p.co2_ppm, "sd": p.sd_ppm,
-                       "status": record::text::status(p.status)})
+                       "status": p.status.words()})
             }),
+            "conclusion": self.conclusion,
             "extension": self.extension,
             "events": events,
         })
@@ -390,7 +394,9 @@ fn model_json(model: &Model) -> Value {
         ])).collect::<Vec<_>>(),
         "wind_speed_m_s": model.wind_speed_m_s,
         "observations": model.observations,
-        "mechanisms": model.mechanisms.iter().map(|m| &m.id).collect::<Vec<_>>(),
+        "mechanisms": model.mechanisms.iter().map(|m| {
+            record::text::added_source(m).unwrap_or_else(|| format!("Extended by {}.", m.id))
+        }).collect::<Vec<_>>(),
     })
 }
 

@@ -40,6 +40,8 @@ pub struct Report {
     phases: Vec<(SimTime, Phase)>,
     events: Vec<String>,
     more_events: u64,
+    /// The status of the peak, whenever it changed.
+    statuses: Vec<String>,
     pilot_times: u64,
     /// Whether anybody outside the scenario said where vehicles go.
     steered: bool,
@@ -68,6 +70,7 @@ impl Report {
             phases: Vec::new(),
             events: Vec::new(),
             more_events: 0,
+            statuses: Vec::new(),
             pilot_times: 0,
             steered: false,
             real_time: false,
@@ -107,6 +110,12 @@ impl Report {
                 self.pilot_times += 1;
             }
             (Topic::Control(_) | Topic::Swap(_) | Topic::Destination(_), _) => self.steered = true,
+            (Topic::Event(_), Message::Event(event))
+                if event.code == "peak-status" && self.statuses.len() < EVENTS =>
+            {
+                let at = text::duration(envelope.time.s());
+                self.statuses.push(format!("{at}: {}", event.text));
+            }
             (Topic::Event(agent), Message::Event(event)) if event.severity > Severity::Info => {
                 if self.events.len() < EVENTS {
                     let at = text::duration(envelope.time.s());
@@ -163,16 +172,18 @@ impl Report {
             .estimate
             .map_or("No peak was found.".to_owned(), |peak| {
                 let rates = summary.flux.iter().map(|f| &f.found);
-                let rate = rates.min_by(|a, b| relative_sd(a).total_cmp(&relative_sd(b)));
-                let rate = rate.map_or(String::new(), |f| {
-                    format!(
-                        ", and {} emits {} kg/s",
-                        f.source,
-                        plus_minus(f.kg_s.value, f.kg_s.sd)
-                    )
-                });
+                let best = rates
+                    .clone()
+                    .min_by(|a, b| relative_sd(a).total_cmp(&relative_sd(b)));
+                let rates = rates.filter(|f| best.is_some_and(|best| f.method == best.method));
+                let rate: String = rates
+                    .map(|f| {
+                        let kg_s = plus_minus(f.kg_s.value, f.kg_s.sd);
+                        format!(", and {} emits {kg_s} kg/s", f.source)
+                    })
+                    .collect();
                 format!(
-                    "The highest concentration where vehicles may fly is{} {} {}{}{rate}.",
+                    "The highest concentration where vehicles may fly is{} {} {}{}{rate}.{}",
                     match peak.status {
                         PeakStatus::Doubtful => " doubtfully",
                         _ => "",
@@ -181,6 +192,10 @@ impl Report {
                     ppm_of(summary.gas),
                     self.peak_distance_m(&peak)
                         .map_or(String::new(), |m| format!(", {m:.0} m from the source")),
+                    text::added_sources(summary)
+                        .iter()
+                        .map(|source| format!(" {source}"))
+                        .collect::<String>(),
                 )
             });
         let worth = match summary.peak.status {
@@ -480,6 +495,10 @@ impl Report {
             };
             page.paragraph(&format!("It lies {distance:.0} m from the source.{near}"));
         }
+        if !self.statuses.is_empty() {
+            page.paragraph("Its status during the mission, and why:");
+            page.list(&self.statuses);
+        }
     }
 
     fn remains(&self, page: &mut Document, summary: &MissionSummary, expected: &[Expected<'_>]) {
@@ -741,7 +760,7 @@ fn emission(page: &mut Document, summary: &MissionSummary) {
 fn cards(summary: &MissionSummary) -> Vec<(String, String, String)> {
     let mut cards = Vec::new();
     if let Some(peak) = summary.peak.estimate {
-        let label = format!("peak, {}", text::status(summary.peak.status));
+        let label = format!("peak, {}", summary.peak.status.words());
         let unit = ppm_of(summary.gas);
         cards.push((plus_minus(peak.co2_ppm, peak.sd_ppm), unit, label));
     }

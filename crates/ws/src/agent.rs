@@ -9,6 +9,7 @@ use air::geo::{Geodetic, LocalFrame};
 use air::isa::Atmosphere;
 use air::terrain::Terrain;
 use air::wind::{WindProfile, WindSeries, WindVector, towards_deg};
+use formats::number::plus_minus;
 use plume::{DispersionModel, Place, Puffs, UnsteadyAir};
 use protocol::key::Name;
 use protocol::message::{
@@ -19,7 +20,7 @@ use protocol::{Agent, AgentId, Event, Interest, Message, Outbox, Pauses, SimTime
 use rand::rngs::ChaCha8Rng;
 use scenario::Scenario;
 use scenario::airspace::{Airspace, SETPOINT_MARGIN_M};
-use scenario::contradiction::{Corrected as CorrectedValues, Evidence};
+use scenario::contradiction::{Corrected as CorrectedValues, Evidence, Read};
 use scenario::random::stream;
 use scenario::tables::{VehicleKind, WindFollows};
 use scenario::uncertain::Uncertain;
@@ -79,8 +80,11 @@ pub struct WorldSimulator {
     contradicted: Vec<String>,
     /// c_MAX as the scenario has it, ppm.
     stated_c_max_ppm: f64,
-    /// The peak of the model as it was corrected last.
+    /// The peak of the model as it was corrected last, and why it has its status.
     peak: Option<Peak>,
+    reason: String,
+    /// The status that was reported last.
+    status: Option<PeakStatus>,
     /// What the sources emit, as it was found last.
     flux: Vec<Flux>,
     /// One standard deviation of the scenario's wind speed, m/s.
@@ -153,6 +157,8 @@ impl WorldSimulator {
             contradicted: Vec::new(),
             stated_c_max_ppm,
             peak: None,
+            reason: String::new(),
+            status: None,
             flux: Vec::new(),
             wind_sd_m_s: scenario
                 .prior_sd(Uncertain::WindSpeed)
@@ -211,7 +217,13 @@ impl WorldSimulator {
         };
         let place = Place::from_geodetic(&self.frame, at, reading.alt_amsl_m);
         let reported = reading.wind_speed_m_s.zip(reading.wind_from_deg);
-        self.evidence.read(reading.co2_ppm, reported);
+        self.evidence.read(&Read {
+            vehicle: &observation.vehicle,
+            ppm: reading.co2_ppm,
+            at,
+            alt_amsl_m: reading.alt_amsl_m,
+            wind: reported,
+        });
         if let Some((speed, from)) = reported {
             let wind = WindVector::from_speed_and_direction(speed, from);
             self.wind.report(time_s, place.height_agl_m, wind);
@@ -280,6 +292,7 @@ impl WorldSimulator {
             self.learn(found, out);
         }
         self.publish_model(now_s, out);
+        self.report_status(true, out);
     }
 
     fn correction(&mut self) -> Correction {
@@ -302,20 +315,21 @@ impl WorldSimulator {
             Ok(corrected) => {
                 self.calibrator.adopt(*corrected.calibrator);
                 let found = self.calibrator.calibrated();
-                self.evidence.correct(CorrectedValues::new(
-                    [
-                        found.background_ppm,
-                        found.effective_height_agl_m,
-                        found.axis_deg,
-                        found.c_max_ppm,
-                        found.sigma_y_scale,
-                        found.sigma_z_scale,
-                    ]
-                    .map(|e| (e.value, e.sd)),
-                    self.stated_c_max_ppm,
-                ));
+                let values = [
+                    found.background_ppm,
+                    found.effective_height_agl_m,
+                    found.axis_deg,
+                    found.c_max_ppm,
+                    found.sigma_y_scale,
+                    found.sigma_z_scale,
+                ];
+                let values = values.map(|e| (e.value, e.sd));
+                let values = CorrectedValues::new(values, self.stated_c_max_ppm);
+                let balance = Flux::by(FluxMethod::MassBalance, &corrected.flux);
+                self.evidence.correct(values, balance);
                 self.world = corrected.world;
                 self.peak = corrected.peak;
+                self.reason = corrected.reason;
                 self.flux = corrected.flux;
             }
             Err(e) => out.event(
@@ -329,6 +343,7 @@ impl WorldSimulator {
 
     fn publish_model(&mut self, now_s: f64, out: &mut Outbox) {
         self.compare_with_scenario(out);
+        self.report_status(false, out);
         out.say(Topic::Model, Message::Model(Box::new(self.model(now_s))));
     }
 
@@ -343,6 +358,37 @@ impl WorldSimulator {
             }
             self.contradicted = keys;
         }
+    }
+
+    /// Reports how far readings stand behind the peak and why, once it is searched, whenever that changes and at the end.
+    fn report_status(&mut self, concludes: bool, out: &mut Outbox) {
+        let peak = self.peak();
+        let status = peak.map_or(PeakStatus::NotFound, |p| p.status);
+        if !self.phase.has_searched() || !concludes && self.status == Some(status) {
+            return;
+        }
+        let before = self
+            .status
+            .replace(status)
+            .filter(|before| *before != status);
+        let why = if !self.contradicted.is_empty() {
+            format!("the readings contradict {}", self.contradicted.join(", "))
+        } else if self.sensor_is_named && status == PeakStatus::Doubtful {
+            "a fault of a sensor is named that the model does not hold".to_owned()
+        } else {
+            self.reason.clone()
+        };
+        let words = [
+            Some("peak ".to_owned()),
+            (!concludes).then(|| "preliminary, ".to_owned()),
+            Some(status.words().to_owned()),
+            before.map(|before| format!(" (before: {})", before.words())),
+            peak.filter(|_| status != PeakStatus::NotFound)
+                .map(|p| format!(", {} ppm", plus_minus(p.co2_ppm, p.sd_ppm))),
+            (!why.is_empty()).then(|| format!(": {why}")),
+        ];
+        let words: String = words.into_iter().flatten().collect();
+        out.event(&self.id, Severity::Info, "peak-status", words);
     }
 
     fn model(&self, now_s: f64) -> Model {
@@ -561,6 +607,8 @@ struct Corrected {
     world: DispersionModel,
     peak: Option<Peak>,
     flux: Vec<Flux>,
+    /// Why the peak has its status.
+    reason: String,
 }
 
 impl Correction {
@@ -581,6 +629,7 @@ impl Correction {
         let peak = self.calibrator.peak(&self.airspace);
         Ok(Corrected {
             world: DispersionModel::new(self.calibrator.corrected_spec())?,
+            reason: peak.map_or(String::new(), |p| self.calibrator.reason(&p)),
             flux: self.flux(peak),
             peak,
             calibrator: Box::new(self.calibrator),

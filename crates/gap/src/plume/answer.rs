@@ -3,6 +3,7 @@
 use ::plume::Gas;
 use ::plume::mechanism::{Coordinate, MechanismId};
 use air::geo::wrap_deg;
+use formats::number::plus_minus;
 use nalgebra::DMatrix;
 use scenario::observations::Observations;
 
@@ -430,8 +431,9 @@ pub(super) fn contact(study: &Study<'_>) -> Option<Contact> {
     } else if found.turn_deg.sd < ONE_DIRECTION_DEG {
         format!(
             "The readings do not follow the modelled plume: {} passes show a plume that a wind from \
-             {from_deg:.0} ± {:.0}° would have carried there.",
-            found.passes, found.turn_deg.sd
+             {}° would have carried there.",
+            found.passes,
+            plus_minus(from_deg, found.turn_deg.sd)
         )
     } else {
         format!(

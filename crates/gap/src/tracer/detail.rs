@@ -1,5 +1,6 @@
 //! The tables behind a tracer verdict, and the verdict in words.
 
+use formats::number::plus_minus;
 use serde::Serialize;
 
 use plume::stability::Stability;
@@ -214,8 +215,8 @@ fn vertical_words(answer: &Answer<'_>) -> String {
             "more slowly"
         };
         words.push_str(&format!(
-            "vertical spread grows {sense} with distance than Briggs says (exponent {:+.2} ± {:.2})",
-            p.value, p.sd
+            "vertical spread grows {sense} with distance than Briggs says (exponent {})",
+            plus_minus(p.value, p.sd)
         ));
     } else {
         words.push_str(&format!(
@@ -237,8 +238,9 @@ fn vertical_words(answer: &Answer<'_>) -> String {
     }
     words.push_str(&inputs);
     words.push_str(&format!(
-        ", {:.1} nats of evidence, {gain:.1} ± {error:.1} nats on hold-out trials",
-        cause.evidence.delta_log_evidence
+        ", {:.1} nats of evidence, {} nats on hold-out trials",
+        cause.evidence.delta_log_evidence,
+        plus_minus(gain, error)
     ));
     words
 }
@@ -286,13 +288,14 @@ fn lateral_words(answer: &Answer<'_>) -> String {
         let mut words = what.to_owned();
         let corrected = finding.causes.iter().flat_map(|c| &c.parameters);
         for p in corrected.filter(|p| p.mechanism.starts_with("sigma-y")) {
-            words.push_str(&format!(", {} {:.2} ± {:.2}", p.name, p.value, p.sd));
+            words.push_str(&format!(", {} {}", p.name, plus_minus(p.value, p.sd)));
         }
         if azimuth && words.contains('±') {
             words.push_str(" relative to the width by it");
         }
         format!(
-            "{words} ({gain:.1} ± {error:.1} nats on hold-out trials)"
+            "{words} ({} nats on hold-out trials)",
+            plus_minus(gain, error)
         )
     });
     each.collect::<Vec<_>>().join("; ")

@@ -2,7 +2,6 @@
 
 use super::{MissionRow, PEAK, Stated};
 use crate::summary::CORRECTED;
-use crate::text::status;
 use formats::table::{self, Cells};
 use parquet::errors::ParquetError;
 use protocol::message::FluxMethod;
@@ -76,7 +75,7 @@ fn columns() -> Vec<Column> {
         whole("vehicles", |r| r.key.vehicles as i64),
         whole("real", |r| r.real as i64),
         whole("seed", |r| r.key.seed.cast_signed()),
-        text("status", |r| status(r.status).to_owned()),
+        text("status", |r| r.status.words().to_owned()),
         number("near_s", |r| r.near.map(|m| m.time_s)),
         number("near_km", |r| r.near.map(|m| m.flown_km)),
         number("known_s", |r| r.known.map(|m| m.time_s)),

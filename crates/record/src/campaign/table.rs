@@ -1,7 +1,6 @@
 //! What a campaign shows, in Markdown: reality, strategy and team beside each other, with intervals.
 
 use super::{FOUND_WITHIN_M, MissionKey, MissionRow, Moment, NEAR_M, Question, Stated};
-use crate::text;
 use protocol::message::{FluxMethod, PeakStatus};
 use std::fmt::Write as _;
 
@@ -196,7 +195,7 @@ impl Group<'_> {
         ];
         let by_status = all.map(|status| {
             let count = self.count(|r| r.status == status);
-            format!("{count} {}", text::status(status))
+            format!("{count} {}", status.words())
         });
         let landed: usize = self.rows.iter().map(|r| r.landed).sum();
         let vehicles: usize = self.rows.iter().map(|r| r.key.vehicles).sum();

@@ -149,7 +149,7 @@ pub fn of_models(flown: &Flown) -> Vec<Column> {
             numbers(&|model| model.peak.as_ref().map(of)),
         ));
     }
-    let status = |model: &Model| model.peak.map_or("", |peak| text::status(peak.status));
+    let status = |model: &Model| model.peak.map_or("", |peak| peak.status.words());
     let status = models.iter().map(|(_, model)| status(model).to_owned());
     columns.push(Column::new("peak_status", Cells::Text(status.collect())));
     columns

@@ -87,7 +87,7 @@ fn surroundings(flown: &Flown, around: &MapFeatures) -> Vec<Value> {
             "what": "peak",
             &ppm: peak.co2_ppm,
             "sd_ppm": peak.sd_ppm,
-            "status": text::status(peak.status),
+            "status": peak.status.words(),
             "time_s": peak.time_s,
             "alt_amsl_m": peak.alt_amsl_m,
         });

@@ -299,7 +299,7 @@ impl Calibrator {
             co2_ppm: there.value,
             sd_ppm: there.sd,
             time_s: self.stated_s(),
-            status: self.status(there, excess_ppm),
+            status: self.support(there, excess_ppm).0,
         }
     }
 
@@ -336,22 +336,51 @@ impl Calibrator {
         Some(self.stated(airspace, position, &there, excess_ppm))
     }
 
-    fn status(&self, there: &Estimate, excess_ppm: f64) -> PeakStatus {
+    /// Why a peak has its status, in words.
+    pub fn reason(&self, peak: &Peak) -> String {
+        let background = self.calibrated().background_ppm;
+        let there = Estimate {
+            value: peak.co2_ppm,
+            sd: peak.sd_ppm,
+        };
+        self.support(&there, there.value - background.value).1
+    }
+
+    /// How far readings stand behind a peak of which `excess_ppm` is the plume's, and why.
+    fn support(&self, there: &Estimate, excess_ppm: f64) -> (PeakStatus, String) {
+        let because = |status, words: &str| (status, words.to_owned());
         if !self.predicted.shows_a_plume() {
-            return PeakStatus::NotFound;
+            return because(PeakStatus::NotFound, "the readings show no plume");
         }
         let relative_sd = there.sd / excess_ppm;
         // What is not a number lies in no range.
         if !(0.0..HARDLY_KNOWN).contains(&relative_sd) {
-            return PeakStatus::Doubtful;
+            let words = "its standard deviation is more than half of its excess";
+            return because(PeakStatus::Doubtful, words);
         }
         let near = self.predicted.crossings(THERE * excess_ppm);
         let all = self.predicted.crossings(IN_PLUME * excess_ppm);
+        let agreeing = |n: usize, what: &str| match n {
+            1 => format!("one crossing {what} agrees with the prediction"),
+            n => format!("{n} crossings {what} agree with the prediction"),
+        };
         match (agree(&near, relative_sd), agree(&all, relative_sd)) {
-            (Some(true), _) if near.len() >= LEAST_CROSSINGS => PeakStatus::Confirmed,
-            (Some(true), _) => PeakStatus::Supported,
-            (None, Some(true)) if all.len() >= LEAST_CROSSINGS => PeakStatus::Supported,
-            _ => PeakStatus::Doubtful,
+            (Some(true), _) if near.len() >= LEAST_CROSSINGS => {
+                (PeakStatus::Confirmed, agreeing(near.len(), "near it"))
+            }
+            (Some(true), _) => (PeakStatus::Supported, agreeing(near.len(), "near it")),
+            (None, Some(true)) if all.len() >= LEAST_CROSSINGS => {
+                let words = agreeing(all.len(), "of the plume farther away");
+                (PeakStatus::Supported, words)
+            }
+            (Some(false), _) => because(
+                PeakStatus::Doubtful,
+                "crossings near it read otherwise than predicted",
+            ),
+            _ => because(
+                PeakStatus::Doubtful,
+                "no crossing is near it, and too few agree farther away",
+            ),
         }
     }
 }

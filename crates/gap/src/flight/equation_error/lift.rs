@@ -1,6 +1,7 @@
 //! Lift from accelerations against the vane, and which of the two is at fault.
 
 use fdm::Aircraft;
+use formats::number::plus_minus;
 use nalgebra::DVector;
 use serde::Serialize;
 
@@ -109,10 +110,10 @@ fn judged(
         _ => "cannot be told",
     };
     let words = format!(
-        "Lift grows with the vane by {:.2} ± {slope_se:.2} per radian where {published:.2} is \
+        "Lift grows with the vane by {} per radian where {published:.2} is \
          published: the vane reads {ratio:.2} times the true change, or the slope is {:.2} times the \
          published. {}",
-        fit[1],
+        plus_minus(fit[1], slope_se),
         1.0 / ratio,
         in_words(at_fault, true_vane, true_lift)
     );

@@ -64,6 +64,7 @@ pub mod export;
 pub mod files;
 pub mod flight_plan;
 pub mod gaps;
+pub mod intervals;
 pub mod kml;
 pub mod kmz;
 pub mod observations;

@@ -1,5 +1,6 @@
 //! `summary.json`: what a mission found, built from its messages in bounded memory.
 
+use crate::intervals::positive_interval_95;
 use air::geo::{Enu, Geodetic, LocalFrame, wrap_signed_deg};
 use plume::{Gas, Unit};
 use protocol::key::Name;
@@ -219,7 +220,7 @@ pub struct VehicleSummary {
 }
 
 /// The peak: found, true, and how far apart.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct PeakSummary {
     /// How far readings stand behind the estimate.
     pub status: PeakStatus,
@@ -274,21 +275,12 @@ pub struct GapSummary {
     pub causes: Vec<GapCause>,
 }
 
-/// The 95 % interval of a quantity that is positive; none of an estimate that is not.
-fn positive_interval_95(of: Estimate) -> Option<[f64; 2]> {
-    let is_positive = of.value > 0.0 && of.value.is_finite() && of.sd.is_finite();
-    let interval = is_positive.then(|| study::Interval::of_mean(of.value, of.sd))?;
-    Some([interval.low95, interval.high95])
-}
-
 /// What a source emits, and where it is known what it really does.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FluxSummary {
     /// What was found.
-    #[serde(flatten)]
+    #[serde(flatten, serialize_with = "crate::intervals::flux")]
     pub found: Flux,
-    /// The 95 % interval of a positive rate, kg/s; none where the rate is not positive.
-    pub interval_95_kg_s: Option<[f64; 2]>,
     /// Emission of the stand-in's reality, kg/s, where it is known.
     pub truth_kg_s: Option<f64>,
 }
@@ -299,6 +291,7 @@ pub struct ModelSummary {
     /// As the scenario had it before the preliminary flight.
     pub before: ModelNumbers,
     /// As the mission left it.
+    #[serde(serialize_with = "crate::intervals::model")]
     pub after: ModelNumbers,
     /// The stand-in's reality; none when only real aircraft measured or nothing did.
     pub reality: Option<ModelNumbers>,
@@ -635,7 +628,6 @@ impl Summariser {
             FluxMethod::MassBalance => (!known.is_empty()).then(|| known.iter().map(|k| k.1).sum()),
         };
         FluxSummary {
-            interval_95_kg_s: positive_interval_95(found.kg_s),
             truth_kg_s,
             found: found.clone(),
         }

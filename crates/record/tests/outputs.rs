@@ -81,7 +81,7 @@ fn the_summary_has_the_fields_of_its_schema() {
     );
     assert_eq!(
         keys(&json["peak"]),
-        expect("came_near error_m estimate highest_reading interval_95_ppm known_s status truth")
+        expect("came_near error_m estimate highest_reading known_s status truth")
     );
     assert_eq!(keys(&json["model"]), expect("after before reality"));
     assert_eq!(

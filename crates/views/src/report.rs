@@ -12,6 +12,7 @@ use protocol::message::{
 };
 use protocol::{Envelope, SimTime, Topic};
 use record::colour::Shown;
+use record::intervals::positive_interval_95;
 use record::summary::{CORRECTED, FluxSummary, MissionSummary, ModelNumbers, Outcome, ppm_of};
 use record::text;
 use record::tracks::{DecimatedSeries, Tracks, VehicleTrack};
@@ -727,9 +728,8 @@ fn emission(page: &mut Document, summary: &MissionSummary) {
     page.section("Emission rate");
     let row = |f: &FluxSummary| {
         let Estimate { value, sd } = f.found.kg_s;
-        let interval = f
-            .interval_95_kg_s
-            .map(|ends| ends.map(significant).join(" to "));
+        let interval = positive_interval_95(f.found.kg_s);
+        let interval = interval.map(|ends| ends.map(significant).join(" to "));
         vec![
             f.found.source.clone(),
             text::flux_method(f.found.method).to_owned(),

@@ -93,7 +93,7 @@ fn the_summary_has_the_fields_of_its_schema() {
     );
     assert_eq!(
         keys(&json["model"]["after"]["axis_deg"]),
-        expect("sd value")
+        expect("high95 low95 sd value")
     );
     assert_eq!(json["schema"], "plumage.summary/1");
     assert_eq!(json["vehicles"].as_array().unwrap().len(), 6);

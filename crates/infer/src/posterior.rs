@@ -32,6 +32,8 @@ const DIFFERENCE_DEG: f64 = 0.05;
 /// How far the mean of a plume's logarithm may be from that at the fit's point: beyond a factor of e the linear problem there
 /// is not to be believed.
 const FARTHEST_LN: f64 = 1.0;
+/// The way of a search in its longest steps: a settled fit promises less, and one that promises more has lost the plume.
+const WAY_OF_A_SEARCH: f64 = 10.0;
 /// How often the noise of a fit on more readings is made most probable.
 pub(crate) const REFITS: usize = 5;
 /// Fluctuation and wander are held against ones smaller and larger by this factor, so many times.
@@ -453,14 +455,14 @@ impl<M: ForwardModel> Problem<'_, M> {
 }
 
 impl<M: ForwardModel> Problem<'_, M> {
-    /// By what the unknowns' part of a step exceeds the longest step of a search; one where it does not.
+    /// Factor by which the unknowns' part of a step exceeds the way of a whole search; at least one.
     fn excess_of_unknowns(&self, known: &Known, step: &DVector<f64>) -> f64 {
         let unknowns = step.iter().skip(known.layout.unknowns);
         let in_sd = unknowns
             .zip(&known.precision)
             .map(|(s, p)| s.abs() * p.sqrt());
         in_sd
-            .map(|sd| sd / self.policy.longest_step_sd)
+            .map(|sd| sd / (WAY_OF_A_SEARCH * self.policy.longest_step_sd))
             .fold(1.0, f64::max)
     }
 

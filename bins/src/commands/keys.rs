@@ -263,7 +263,7 @@ fn access(mission: &Name, hosts: &[Host]) -> Value {
         vec![json!({"rules": ["listens", "receives", "answers"], "subjects": ["hosts"]})];
     for host in hosts {
         let name = host.name.as_str();
-        // What is in its bundles is checked by whoever receives them.
+        // Receivers check the messages in its bundles.
         let bundles = BundleKind::ALL.map(|kind| kind.key(mission, &host.name));
         let writes = host.roles.iter().flat_map(Role::writes).map(|t| whole(&t));
         let writes: Vec<String> = writes.chain(bundles).collect();

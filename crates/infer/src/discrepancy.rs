@@ -154,7 +154,7 @@ pub struct Basis {
 }
 
 impl Basis {
-    /// Basis functions for a discrepancy over all of `places`, and for an axis drift over `time_s` from `swing_from_s` on.
+    /// Basis functions for a discrepancy over all of `places`, and for an axis drift over `time_s` from `axis_drift_from_s` on.
     pub fn over(
         places: impl Iterator<Item = PlumePlace> + Clone,
         time_s: &[f64],

@@ -261,7 +261,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
     }
 
     /// The most probable noise of the prior.
-    pub(crate) fn prior_noise(&self) -> Noise {
+    pub(crate) fn usual_noise(&self) -> Noise {
         Noise::from_ln(self.noise_prior().map(|(mean, _)| mean))
     }
 

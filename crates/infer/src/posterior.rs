@@ -120,7 +120,7 @@ impl<M: ForwardModel> Problem<'_, M> {
         let point = self.rough_fit(start, 0.0)?;
         let basis = self.basis(&point)?;
         let sizes = self.policy.nearest_sizes(0.0, 0.0);
-        let first = self.fit(&point, &basis, self.prior_noise(), sizes)?;
+        let first = self.fit(&point, &basis, self.usual_noise(), sizes)?;
         self.around(self.refit_noise(&first)?)
     }
 
@@ -274,7 +274,7 @@ impl<M: ForwardModel> Problem<'_, M> {
     /// Posteriors from several starts, noises and sizes of the discrepancy: the likelihood has
     /// several valleys where a plume wanders.
     fn first_fits(&self) -> Result<Vec<Weighed>, InferError> {
-        let prior = self.prior_noise();
+        let prior = self.usual_noise();
         let still = self.rough_fit(&self.search()?, 0.0)?;
         let (swung, axis_drift_deg) = self.swung(&still)?;
         let mut points = vec![(still, 0.0)];

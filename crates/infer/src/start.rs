@@ -95,7 +95,7 @@ impl<M: ForwardModel> Problem<'_, M> {
         start: &Point,
         axis_drift_deg: f64,
     ) -> Result<Point, InferError> {
-        let prior = self.prior_noise();
+        let prior = self.usual_noise();
         let noise = Noise {
             fluctuation: FLICKER * prior.fluctuation,
             ..prior

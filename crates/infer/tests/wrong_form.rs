@@ -141,7 +141,7 @@ fn a_swinging_axis_is_followed() {
     assert!((turned - 60.0 * 600.0 / 2100.0).abs() < 2.0, "{turned}");
 }
 
-/// A quick fit may promise more, by an error of form that it has not tried, than a linear problem keeps: its mean stays
+/// A quick fit may promise more, by a discrepancy that it has not tried, than a linear problem keeps: its mean stays
 /// within the way of a whole search, ten of its longest steps.
 #[test]
 fn a_mean_is_no_farther_from_the_fit_than_a_search_goes() {

@@ -10,7 +10,8 @@ use std::sync::{Arc, Mutex};
 use zenoh::key_expr::OwnedKeyExpr;
 use zenoh::sample::Sample;
 
-/// Host in the keys of bundles where hosts have no keys: whoever holds the mission's key may then speak for any agent.
+/// Host in the keys of bundles of a mission without host keys. Every holder of the mission's key may then publish for any
+/// agent.
 pub(crate) const ANY_HOST: &str = "any";
 
 /// Name of the rule of Zenoh's access control that lists what `host` may publish.

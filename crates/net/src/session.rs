@@ -212,8 +212,8 @@ impl Net {
         })
     }
 
-    /// The same for whoever follows many vehicles: what the team says arrives in [bundles](bundle), one for a process
-    /// and tick. To be called before [`Net::announce`].
+    /// Receives the same messages as [`Net::subscribe`], but those of the team in [bundles](bundle), one for each process and
+    /// tick. For processes that follow many vehicles. To be called before [`Net::announce`].
     ///
     /// # Errors
     /// [`NetError::Zenoh`].
@@ -511,7 +511,7 @@ pub(crate) struct Intake {
     pub(crate) mission: Name,
     check: Arc<Mutex<SealCheck>>,
     figures: Figures,
-    /// Those for whom this process tells of what is refused; of everything where nobody said.
+    /// Agents whose rejected messages this process reports; unset, it reports all.
     tells_for: Arc<OnceLock<Vec<AgentId>>>,
     sender: mpsc::UnboundedSender<Received>,
 }
@@ -520,7 +520,7 @@ impl Intake {
     /// Takes a message on its own key.
     fn take(&self, sample: &Sample) {
         let key = sample.key_expr().as_str();
-        // Who subscribes to everything gets what is in bundles on its own keys.
+        // A subscriber to everything receives bundled messages on their own keys, too.
         if bundle::host_of(key).is_err() {
             let topic = Topic::parse_key(key, &self.mission);
             let received = topic.clone().and_then(|topic| self.read(sample, topic));

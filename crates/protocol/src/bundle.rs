@@ -1,4 +1,4 @@
-//! Bundles: the messages of one process and tick in one payload, for whoever follows many vehicles.
+//! Bundles: the messages of one process and tick in one payload, for processes that follow many vehicles.
 //!
 //! A bus that routes each message by its key searches the keys of all vehicles for each. So a process publishes what
 //! its agents say in a tick as one bundle, and each message on its own key only where somebody subscribes to that key.
@@ -199,6 +199,22 @@ mod tests {
             (Topic::Event(AgentId::recorder()), None),
         ] {
             assert_eq!(BundleKind::of(&topic), kind, "{}", topic.path());
+        }
+    }
+
+    #[test]
+    fn all_messages_that_no_bundle_holds_have_a_subscription() {
+        let mission = Name::new("m").unwrap();
+        let others = key_expressions_beside(&Interest::Everything, &mission);
+        let matches = |expression: &String, key: &str| {
+            let (parts, of) = (expression.split('/'), key.split('/'));
+            parts.clone().count() == of.clone().count()
+                && parts.zip(of).all(|(part, of)| part == "*" || part == of)
+        };
+        for topic in crate::key::tests::every_topic() {
+            let key = topic.key(&mission);
+            let is_subscribed = others.iter().any(|other| matches(other, &key));
+            assert_eq!(is_subscribed, BundleKind::of(&topic).is_none(), "{key}");
         }
     }
 

@@ -441,10 +441,10 @@ impl Interest {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
 
-    fn every_topic() -> Vec<Topic> {
+    pub(crate) fn every_topic() -> Vec<Topic> {
         let va = Name::new("va-1_x").unwrap();
         let agent = AgentId::va("2").unwrap();
         vec![

@@ -365,9 +365,6 @@ pub struct Estimate {
     pub sd: f64,
 }
 
-/// Half width of the 95 % interval of a normal distribution, in standard deviations.
-pub const HALF_WIDTH_95_SD: f64 = 1.96;
-
 /// A mechanism with its parameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct MechanismSetting {

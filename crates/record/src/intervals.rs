@@ -1,7 +1,7 @@
 //! 95 % intervals beside the estimates of `summary.json`.
 
-use crate::summary::{HighestReading, ModelNumbers, PeakSummary, PlaceOfPeak};
-use protocol::message::{Estimate, Flux, FluxMethod, HALF_WIDTH_95_SD, Peak, PeakStatus};
+use crate::summary::{ModelNumbers, PeakSummary};
+use protocol::message::{Estimate, Flux, FluxMethod};
 use serde::{Serialize, Serializer};
 
 /// An estimate with the ends of its 95 % interval; null where it has none.
@@ -35,7 +35,7 @@ fn positive(of: Estimate) -> WithInterval<Estimate> {
 }
 
 fn normal(of: Estimate) -> WithInterval<Estimate> {
-    let half = HALF_WIDTH_95_SD * of.sd;
+    let half = study::SD_95 * of.sd;
     WithInterval::new(of, Some([of.value - half, of.value + half]))
 }
 
@@ -63,17 +63,7 @@ pub(crate) fn flux<S: Serializer>(of: &Flux, serializer: S) -> Result<S::Ok, S::
 
 /// Writes the numbers of a model with their intervals.
 pub(crate) fn model<S: Serializer>(of: &ModelNumbers, serializer: S) -> Result<S::Ok, S::Error> {
-    #[derive(Serialize)]
-    struct Json {
-        background_ppm: WithInterval<Estimate>,
-        effective_height_agl_m: WithInterval<Estimate>,
-        axis_deg: WithInterval<Estimate>,
-        c_max_ppm: WithInterval<Estimate>,
-        c_max_distance_m: WithInterval<Estimate>,
-        sigma_y_scale: WithInterval<Estimate>,
-        sigma_z_scale: WithInterval<Estimate>,
-    }
-    let json = Json {
+    let json = ModelNumbers {
         background_ppm: normal(of.background_ppm),
         effective_height_agl_m: normal(of.effective_height_agl_m),
         axis_deg: normal(of.axis_deg),
@@ -85,28 +75,18 @@ pub(crate) fn model<S: Serializer>(of: &ModelNumbers, serializer: S) -> Result<S
     json.serialize(serializer)
 }
 
-impl Serialize for PeakSummary {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        #[derive(Serialize)]
-        struct Json<'a> {
-            status: PeakStatus,
-            estimate: Option<WithInterval<Peak>>,
-            highest_reading: &'a Option<HighestReading>,
-            truth: &'a Option<PlaceOfPeak>,
-            error_m: Option<f64>,
-            known_s: Option<f64>,
-            came_near: bool,
-        }
-        let estimate = self.estimate;
-        let json = Json {
-            status: self.status,
-            estimate: estimate.map(|peak| WithInterval::new(peak, self.interval_95_ppm)),
-            highest_reading: &self.highest_reading,
-            truth: &self.truth,
-            error_m: self.error_m,
-            known_s: self.known_s,
-            came_near: self.came_near,
-        };
-        json.serialize(serializer)
-    }
+/// Writes a peak with its interval.
+pub(crate) fn peak<S: Serializer>(of: &PeakSummary, serializer: S) -> Result<S::Ok, S::Error> {
+    let estimate = of.estimate;
+    let json = PeakSummary {
+        status: of.status,
+        estimate: estimate.map(|peak| WithInterval::new(peak, of.interval_95_ppm)),
+        interval_95_ppm: None,
+        highest_reading: of.highest_reading.clone(),
+        truth: of.truth,
+        error_m: of.error_m,
+        known_s: of.known_s,
+        came_near: of.came_near,
+    };
+    json.serialize(serializer)
 }

@@ -30,21 +30,21 @@ const PLUME_DEG: f64 = 9.0;
 
 /// The numbers of a plume model, each with its standard deviation.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct ModelNumbers {
+pub struct ModelNumbers<E = Estimate> {
     /// Background, ppm.
-    pub background_ppm: Estimate,
+    pub background_ppm: E,
     /// Height of the axis above ground at the first source, m.
-    pub effective_height_agl_m: Estimate,
+    pub effective_height_agl_m: E,
     /// Direction towards which the axis runs, degrees.
-    pub axis_deg: Estimate,
+    pub axis_deg: E,
     /// Concentration above background on the axis at `c_max_distance_m`, ppm.
-    pub c_max_ppm: Estimate,
+    pub c_max_ppm: E,
     /// Distance from the source at which `c_max_ppm` holds, m.
-    pub c_max_distance_m: Estimate,
+    pub c_max_distance_m: E,
     /// Scale of the lateral spread.
-    pub sigma_y_scale: Estimate,
+    pub sigma_y_scale: E,
     /// Scale of the vertical spread.
-    pub sigma_z_scale: Estimate,
+    pub sigma_z_scale: E,
 }
 
 impl From<&Model> for ModelNumbers {
@@ -220,13 +220,14 @@ pub struct VehicleSummary {
 }
 
 /// The peak: found, true, and how far apart.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PeakSummary {
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PeakSummary<E = Peak> {
     /// How far readings stand behind the estimate.
     pub status: PeakStatus,
     /// The last estimate; none where the readings follow no plume.
-    pub estimate: Option<Peak>,
+    pub estimate: Option<E>,
     /// Its 95 % interval, ppm: the excess over the background is positive; none without an estimate.
+    #[serde(skip)]
     pub interval_95_ppm: Option<[f64; 2]>,
     /// The highest reading of a real vehicle; none without one.
     pub highest_reading: Option<HighestReading>,
@@ -317,6 +318,7 @@ pub struct MissionSummary {
     /// The vehicles, in the order of their ids.
     pub vehicles: Vec<VehicleSummary>,
     /// The peak.
+    #[serde(serialize_with = "crate::intervals::peak")]
     pub peak: PeakSummary,
     /// What the sources emit; empty where the readings follow no plume.
     pub flux: Vec<FluxSummary>,

@@ -60,6 +60,8 @@ const SEARCH_SECTOR_DEG: f64 = 60.0;
 /// A direction that is known no better than to this, degrees, is looked for: passes across it would be longer than the
 /// plume is wide by far.
 const LOCATED_DEG: f64 = 15.0;
+/// Half width of the 95 % interval of a normal distribution, in standard deviations.
+const HALF_WIDTH_95_SD: f64 = 1.96;
 /// Half height of the search around the axis, in σz at the far end of the passes.
 const SEARCH_SIGMAS: f64 = 2.5;
 

@@ -308,7 +308,7 @@ impl Evidence {
         self.named.iter().filter_map(of).collect()
     }
 
-    /// The strength by the mass balance of passes, which knows of no plume.
+    /// The strength from the mass balance of passes, which uses no plume model.
     fn by_balance(&self) -> Option<(Uncertain, Known, By)> {
         let found = self.balance_kg_s.filter(|found| found.value > 0.0)?;
         let emissions = self.world.as_ref()?.model.emissions_kg_s();

@@ -41,8 +41,8 @@ pub const SCENARIO_SPEED_LN_SD: f64 = 0.15;
 /// A wind below this mean speed, m/s, carries no plume in one direction: the threshold of calms for dispersion models (US EPA
 /// 2000, EPA-454/R-99-005).
 const CALM_M_S: f64 = 0.5;
-/// Two-sided 95 % of a normal quantity.
-const SD_95: f64 = 1.959_964;
+/// Half width of the central 95 % interval of a normal quantity, in standard deviations: Φ⁻¹(0.975).
+pub const SD_95: f64 = 1.959_964;
 
 /// A positive quantity with its 95 % interval.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]

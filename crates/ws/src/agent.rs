@@ -378,16 +378,17 @@ impl WorldSimulator {
         } else {
             self.reason.clone()
         };
-        let words = [
-            Some("peak ".to_owned()),
-            (!concludes).then(|| "preliminary, ".to_owned()),
-            Some(status.words().to_owned()),
-            before.map(|before| format!(" (before: {})", before.words())),
-            peak.filter(|_| status != PeakStatus::NotFound)
-                .map(|p| format!(", {} ppm", plus_minus(p.co2_ppm, p.sd_ppm))),
-            (!why.is_empty()).then(|| format!(": {why}")),
-        ];
-        let words: String = words.into_iter().flatten().collect();
+        let state = if concludes { "" } else { "preliminary, " };
+        let mut words = format!("peak {state}{}", status.words());
+        if let Some(before) = before {
+            words += &format!(" (before: {})", before.words());
+        }
+        if let Some(p) = peak.filter(|_| status != PeakStatus::NotFound) {
+            words += &format!(", {} ppm", plus_minus(p.co2_ppm, p.sd_ppm));
+        }
+        if !why.is_empty() {
+            words += &format!(": {why}");
+        }
         out.event(&self.id, Severity::Info, "peak-status", words);
     }
 
@@ -626,10 +627,11 @@ impl Correction {
             Some(nearest_m) => self.calibrator.conclude(nearest_m)?,
             None => self.calibrator.update()?,
         }
-        let peak = self.calibrator.peak(&self.airspace);
+        let found = self.calibrator.peak(&self.airspace);
+        let (peak, reason) = found.map_or((None, String::new()), |(peak, why)| (Some(peak), why));
         Ok(Corrected {
             world: DispersionModel::new(self.calibrator.corrected_spec())?,
-            reason: peak.map_or(String::new(), |p| self.calibrator.reason(&p)),
+            reason,
             flux: self.flux(peak),
             peak,
             calibrator: Box::new(self.calibrator),

@@ -54,14 +54,14 @@ pub struct PlumeModel<'a> {
     /// What the catalogue's concentrations are multiplied by.
     scale: Scale,
     /// How the plume follows an axis drift.
-    axis_drift: Swing,
+    axis_drift: DriftResponse,
     /// What the sensor of each platform has read, where that is known.
     has_read: &'a [f64],
 }
 
 /// How the plume follows an axis drift of the wind that no log shows.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Swing {
+pub enum DriftResponse {
     /// All of it turns at once, as in a steady wind that is known badly.
     AtOnce,
     /// Each part of it lies where the wind has carried it since it left the source.
@@ -176,7 +176,7 @@ impl<'a> PlumeModel<'a> {
             priors: Vec::new(),
             aim: None,
             scale: Scale::CATALOGUE,
-            axis_drift: Swing::AtOnce,
+            axis_drift: DriftResponse::AtOnce,
             has_read: &[],
         };
         for unknown in unknowns {
@@ -250,12 +250,12 @@ impl<'a> PlumeModel<'a> {
     }
 
     /// The same model whose plume follows an axis drift in this way.
-    pub(crate) fn following(self, axis_drift: Swing) -> Self {
+    pub(crate) fn following(self, axis_drift: DriftResponse) -> Self {
         Self { axis_drift, ..self }
     }
 
     /// How its plume follows an axis drift.
-    pub(crate) fn axis_drift(&self) -> Swing {
+    pub(crate) fn axis_drift(&self) -> DriftResponse {
         self.axis_drift
     }
 
@@ -551,8 +551,8 @@ impl ForwardModel for PlumeModel<'_> {
 
     fn under_way_s(&self, row: usize) -> f64 {
         match self.axis_drift {
-            Swing::AtOnce => 0.0,
-            Swing::Carried => self.track.under_way_s(row, self.base.sources[0].place),
+            DriftResponse::AtOnce => 0.0,
+            DriftResponse::Carried => self.track.under_way_s(row, self.base.sources[0].place),
         }
     }
 

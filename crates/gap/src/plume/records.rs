@@ -10,7 +10,7 @@ use scenario::observations::Observations;
 
 use super::data::{Data, Setup, mean_transport};
 use super::gate;
-use super::model::{PlumeModel, Scale, Swing};
+use super::model::{DriftResponse, PlumeModel, Scale};
 use super::wind::{self, Carried};
 use crate::GapError;
 
@@ -162,7 +162,7 @@ impl<'d> Records<'d> {
         &self,
         model: &PlumeModel<'_>,
         carried: Option<Carried>,
-    ) -> Result<(Fit, Swing), InferError> {
+    ) -> Result<(Fit, DriftResponse), InferError> {
         let question = self.first_question();
         let (found, axis_drift) = wind::swinging(&question, model, carried, self.in_flight)?;
         Ok((found.fit().clone(), axis_drift))

@@ -7,7 +7,7 @@ use infer::{AXIS_DRIFT, FittedSet, ForwardModel, InferError, Question};
 use super::catalogue;
 use super::data::{Data, Setup, summand};
 use super::elsewhere;
-use super::model::{PlumeModel, Scale, Swing};
+use super::model::{DriftResponse, PlumeModel, Scale};
 
 /// What of a log carries the plume.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -169,17 +169,17 @@ pub(crate) fn swinging<'a>(
     model: &PlumeModel<'a>,
     carried: Option<Carried>,
     in_flight: bool,
-) -> Result<(FittedSet<PlumeModel<'a>>, Swing), InferError> {
+) -> Result<(FittedSet<PlumeModel<'a>>, DriftResponse), InferError> {
     let base = |axis_drift| question.base(&model.clone().following(axis_drift));
     if in_flight && !matches!(carried, Some(Carried::OnItsWay(_))) {
-        let at_once = base(Swing::AtOnce)?;
+        let at_once = base(DriftResponse::AtOnce)?;
         if at_once.likeliest_sizes()[AXIS_DRIFT] == 0.0 {
-            return Ok((at_once, Swing::AtOnce));
+            return Ok((at_once, DriftResponse::AtOnce));
         }
     }
     let possible = match carried {
-        Some(Carried::OnItsWay(_)) => &[Swing::Carried][..],
-        _ => &[Swing::AtOnce, Swing::Carried],
+        Some(Carried::OnItsWay(_)) => &[DriftResponse::Carried][..],
+        _ => &[DriftResponse::AtOnce, DriftResponse::Carried],
     };
     let found = infer::parallel_map(possible, |axis_drift| Ok((base(*axis_drift)?, *axis_drift)));
     let found = found.into_iter().collect::<Result<Vec<_>, InferError>>()?;

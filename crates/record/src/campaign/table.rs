@@ -3,6 +3,7 @@
 use super::{FOUND_WITHIN_M, MissionKey, MissionRow, Moment, NEAR_M, Question, Stated};
 use protocol::message::{FluxMethod, PeakStatus};
 use std::fmt::Write as _;
+use study::SD_95;
 
 /// Missions that differ in their seeds alone.
 #[derive(Debug, Clone)]
@@ -27,8 +28,6 @@ pub struct MedianOf {
 
 /// Chance that an interval misses what it is of.
 const MISSES: f64 = 0.05;
-/// Standard deviations of the normal distribution that hold the rest: Φ⁻¹(0.975).
-const HOLDS_SD: f64 = 1.959_964;
 
 /// Median; none of nothing.
 pub fn median(mut values: Vec<f64>) -> Option<f64> {
@@ -69,9 +68,9 @@ impl MedianOf {
 /// The interval of a share of `count` of `of`, in which the true one lies with a chance of about 95 % (Wilson 1927).
 pub fn share_from_to(count: usize, of: usize) -> (f64, f64) {
     let (n, p) = (of as f64, count as f64 / of as f64);
-    let z2 = HOLDS_SD * HOLDS_SD;
+    let z2 = SD_95 * SD_95;
     let middle = (p + z2 / (2.0 * n)) / (1.0 + z2 / n);
-    let half = HOLDS_SD / (1.0 + z2 / n) * (p * (1.0 - p) / n + z2 / (4.0 * n * n)).sqrt();
+    let half = SD_95 / (1.0 + z2 / n) * (p * (1.0 - p) / n + z2 / (4.0 * n * n)).sqrt();
     ((middle - half).max(0.0), (middle + half).min(1.0))
 }
 

@@ -1,9 +1,9 @@
 //! When the mission goes on to its next phase: as soon as the belief allows it, and when time asks for it.
 
 use protocol::SimTime;
-use protocol::message::{Flux, FluxMethod, HALF_WIDTH_95_SD, Peak, PeakStatus, Phase};
+use protocol::message::{Flux, FluxMethod, Peak, PeakStatus, Phase};
 
-use super::SquadronController;
+use super::{HALF_WIDTH_95_SD, SquadronController};
 use crate::fleet::TeamVehicle;
 use crate::tasks::VehicleTask;
 

@@ -1,10 +1,10 @@
 //! Passes through a plume that has been located, chosen by what they are expected to tell.
 
-use protocol::message::{HALF_WIDTH_95_SD, Model, Severity};
+use protocol::message::{Model, Severity};
 use protocol::{Outbox, SimTime};
 
-use super::SquadronController;
 use super::dispatch::{CLIMB_M_S, TURN_RADIUS_M};
+use super::{HALF_WIDTH_95_SD, SquadronController};
 use crate::fleet::{ORBIT_M, REACHED_M, VehicleTrack};
 use crate::information::{AxisCrossing, Information, KnownPlume, Precision};
 use crate::passes::{self, Pass};

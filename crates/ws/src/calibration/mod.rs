@@ -74,7 +74,7 @@ pub struct Calibrator {
     /// Variances of the estimate before any reading.
     beforehand: DVector<f64>,
     /// How far the axis lay from that of the estimate in the mean of `moments`, and how far both
-    /// together may be off; none before a fit, and without a swing.
+    /// together may be off; none before a fit, and without an axis drift.
     turn: Option<infer::Estimate>,
     /// The estimate and its covariance in the mean over meanders.
     in_the_mean: (DVector<f64>, DMatrix<f64>),
@@ -438,7 +438,7 @@ impl Calibrator {
         }
     }
 
-    /// The mean mole fraction at a place over `Calibrator::moments`, ppm, with the error of form that the readings
+    /// The mean mole fraction at a place over `Calibrator::moments`, ppm, with the discrepancy that the readings
     /// showed, in the slow wind of their middle; none before a fit.
     pub fn mean_ppm(&self, place: &Place) -> Option<Estimate> {
         let posterior = self.posterior.as_ref()?;
@@ -575,7 +575,7 @@ impl Calibrator {
             covariance: self.covariance.clone(),
             prior: self.beforehand.clone(),
         };
-        // Without a swing the axis is the unknown alone, as the gap has it.
+        // Without an axis drift the axis is the unknown alone, as the gap has it.
         if let Some((k, turn)) = self.axis_index().zip(self.turn) {
             stated.mean[k] += turn.value;
             let grown = turn.sd / stated.covariance[(k, k)].sqrt();

@@ -113,7 +113,7 @@ impl OfflineCalibration {
     /// The highest concentration where set-points may go, as it was when the plume was last met; none where the fence
     /// leaves no such place.
     pub fn peak(&self, airspace: &Airspace) -> Option<Peak> {
-        let fitted = self.calibrator.peak(airspace)?;
+        let (fitted, _) = self.calibrator.peak(airspace)?;
         let Some(rate) = self.rate_at_rest else {
             return Some(fitted);
         };

@@ -48,7 +48,7 @@ pub(super) struct AtCrossing {
     pub above_sigmas: f64,
 }
 
-/// What the corrected model, without an error of form, predicts for the rows of the last fit.
+/// Predictions of the corrected model without discrepancy for the rows of the last fit.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Predicted {
     /// Platform and time of each row.
@@ -242,21 +242,20 @@ fn place_of(position: Position, airspace: &Airspace) -> Place {
 }
 
 impl Calibrator {
-    /// The highest concentration where set-points may go, in the mean of the last minutes in which the plume was met;
-    /// none before a fit, or
-    /// where they may go nowhere.
+    /// The highest concentration where set-points may go, in the mean of the last minutes in which the plume was met, and
+    /// why it has its status; none before a fit, or where they may go nowhere.
     ///
-    /// Where the plume meanders it is that of the plume in the mean: an error of form found in a few crossings is that of
-    /// the puffs which they met.
-    pub fn peak(&self, airspace: &Airspace) -> Option<Peak> {
+    /// Where the plume meanders it is that of the plume in the mean: a discrepancy found in a few crossings is that of the
+    /// puffs which they met.
+    pub fn peak(&self, airspace: &Airspace) -> Option<(Peak, String)> {
         if self.meander.is_some() {
             return self.peak_in_the_mean(airspace);
         }
         let model = DispersionModel::new(self.latest_spec()).ok()?;
         let time_s = self.stated_s();
         let found = highest_of(&model, airspace, SETPOINT_MARGIN_M, time_s)?;
-        // The model beside its error of form shows where to look; the readings may know better.
-        // Not farther out, though: along the axis a plume thins out, whatever an error of form makes of it.
+        // The model without its discrepancy shows where to look; the readings may know better.
+        // Not farther out, though: along the axis a plume thins out, whatever its discrepancy.
         let far_m = |at: &Enu| {
             airspace
                 .stacks()
@@ -283,27 +282,29 @@ impl Calibrator {
         Some(self.stated(airspace, found.position, &there, excess_ppm))
     }
 
-    /// A peak of which `excess_ppm` is the plume's.
+    /// A peak of which `excess_ppm` is the plume's, and why it has its status.
     fn stated(
         &self,
         airspace: &Airspace,
         position: Position,
         there: &Estimate,
         excess_ppm: f64,
-    ) -> Peak {
+    ) -> (Peak, String) {
         let at = airspace.frame().to_geodetic(position.at);
-        Peak {
+        let (status, reason) = self.support(there, excess_ppm);
+        let peak = Peak {
             lat_deg: at.lat_deg,
             lon_deg: at.lon_deg,
             alt_amsl_m: position.height_m,
             co2_ppm: there.value,
             sd_ppm: there.sd,
             time_s: self.stated_s(),
-            status: self.support(there, excess_ppm).0,
-        }
+            status,
+        };
+        (peak, reason)
     }
 
-    fn peak_in_the_mean(&self, airspace: &Airspace) -> Option<Peak> {
+    fn peak_in_the_mean(&self, airspace: &Airspace) -> Option<(Peak, String)> {
         let (at, covariance) = &self.in_the_mean;
         let time_s = self.stated_s();
         let highest = |at: &DVector<f64>| -> Option<(Position, f64, f64)> {
@@ -334,16 +335,6 @@ impl Calibrator {
             sd: (covariance * &slopes).dot(&slopes).max(0.0).sqrt(),
         };
         Some(self.stated(airspace, position, &there, excess_ppm))
-    }
-
-    /// Why a peak has its status, in words.
-    pub fn reason(&self, peak: &Peak) -> String {
-        let background = self.calibrated().background_ppm;
-        let there = Estimate {
-            value: peak.co2_ppm,
-            sd: peak.sd_ppm,
-        };
-        self.support(&there, there.value - background.value).1
     }
 
     /// How far readings stand behind a peak of which `excess_ppm` is the plume's, and why.

@@ -490,8 +490,10 @@ pub struct Noise {
     pub fluctuation: f64,
     /// Its memory, s.
     pub fluctuation_s: f64,
-    /// Fast wander of the plume's axis, degrees.
+    /// Fast wander of the plume's axis to the sides, degrees.
     pub axis_wander_deg: f64,
+    /// Fast wander of the plume's axis up and down, as a part of the plume's σz.
+    pub axis_wander_sigma_z: f64,
 }
 
 /// All of `gap.json`.

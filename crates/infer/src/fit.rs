@@ -10,15 +10,22 @@ use crate::noise::{Loadings, Means, Noise, Whitener, log_likelihood};
 use crate::policy::Policy;
 use crate::rows::{ForwardModel, PlumePlace, Prediction, Rows};
 use crate::slopes::slopes;
-use nalgebra::{Cholesky, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector};
 use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;
 
 /// Difference for derivatives, degrees of the axis.
 const DIFFERENCE_DEG: f64 = 0.05;
+/// ... and metres of its height.
+const DIFFERENCE_M: f64 = 0.5;
 /// Longest step of a weight, in its own standard deviations.
 const LONGEST_WEIGHT_SD: f64 = 2.0;
+/// Most tries to shorten a step until the next one promises less.
+const TRIES: usize = 3;
+/// Most factor from the part of one step to that of the next, and the least part.
+const MOST_CHANGE: f64 = 4.0;
+const LEAST_PART: f64 = 0.1;
 /// Factor that shortens a step without gain, and its shortest part.
 const SHORTER: f64 = 0.4;
 const SHORTEST_PART: f64 = 1e-3;
@@ -132,6 +139,44 @@ struct Linearised {
     local: Local,
     /// Minus the density of the point, nats, up to a constant.
     cost: f64,
+}
+
+/// A Gauss-Newton step, no longer than the linearised problem is valid.
+struct NewtonStep {
+    /// Of the unknowns and of the weights that may differ from zero.
+    step: DVector<f64>,
+    /// Nats that the linearised problem promises for the whole step.
+    promised_nats: f64,
+    information: DMatrix<f64>,
+}
+
+impl NewtonStep {
+    /// The part of this step to be taken where a `part` of the step `before` led here: what remains of a step tells by how
+    /// much it was too long or too short (Irons and Tuck 1969).
+    fn relaxation(&self, before: &Self, part: f64) -> f64 {
+        let bend = &before.step - &self.step;
+        let weighted = &self.information * &bend;
+        let relaxed = part * before.step.dot(&weighted) / bend.dot(&weighted);
+        let relaxed = if relaxed > 0.0 {
+            relaxed.clamp(part / MOST_CHANGE, part * MOST_CHANGE)
+        } else {
+            2.0 * part
+        };
+        relaxed.clamp(LEAST_PART, 1.0)
+    }
+}
+
+/// A point moved by a part of a step.
+fn moved(point: &Point, shape: &Shape<'_>, step: &DVector<f64>, part: f64) -> Point {
+    let mut next = point.clone();
+    let (unknowns, weights) = step.as_slice().split_at(next.at.len());
+    for (x, s) in next.at.iter_mut().zip(unknowns) {
+        *x += part * s;
+    }
+    for (k, s) in shape.active.weights().zip(weights) {
+        next.weights[k] += part * s;
+    }
+    next
 }
 
 /// A model near a point, row by row: expensive, and independent of noise and sizes.
@@ -445,6 +490,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
             slow: noise.slow.min(most.slow * self.sensor_sd),
             fluctuation: noise.fluctuation.min(most.fluctuation),
             wander_deg: noise.wander_deg.min(most.wander_deg),
+            wander_sigma_z: noise.wander_sigma_z.min(most.wander_sigma_z),
             ..*noise
         }
     }
@@ -502,9 +548,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         }
     }
 
-    /// Steps under a metric that is held, and a metric made anew at the point that they come to, until
-    /// the point's density stays. A metric that followed each step would make variances small where
-    /// the plume is not, and chase it away.
+    /// The most probable point under the noise from `start`.
     fn settle(
         &self,
         start: Point,
@@ -538,7 +582,10 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         })
     }
 
-    /// The converged point under normal fluctuation, with the metric and the model linearised there.
+    /// The converged point under normal fluctuation, with the metric and the model linearised there: the point whose own
+    /// metric asks for no further step. Noise in proportion to the plume changes with every step, and full steps may lead
+    /// to and fro for ever. So a step counts where the next one promises less, in nats, and else is shortened
+    /// (Deuflhard 2004, section 3.3); its length follows from how the step before turned out (Irons and Tuck 1969).
     fn settle_normal(
         &self,
         start: Point,
@@ -546,36 +593,48 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         noise: &Noise,
         (inflation, tangent): (&[f64], Option<&Arc<Tangent>>),
     ) -> Result<(Point, Metric, Linearised), InferError> {
-        let mut point = start;
-        let metric_at = |point: &Point, inflation: &[f64]| -> Result<Metric, InferError> {
-            let loadings = self.loadings(point, shape.basis, noise)?;
-            Ok(self.metric_of(loadings, noise, inflation))
-        };
-        let mut metric = metric_at(&point, inflation)?;
-        let mut density = f64::NEG_INFINITY;
-        let mut left = self.policy.most_steps;
-        let local = self.local(
-            &point,
-            (shape.basis, &shape.active),
-            &metric.fluctuation,
-            tangent,
-        )?;
-        let mut here = self.linearised_by(local, &point, shape, &metric);
-        while left > 0 {
-            let used;
-            (point, here, used) = self.steps(point, here, shape, &metric, left)?;
-            left -= used.min(left);
-            let spikes = self.spikes(&point, &here, &metric)?;
-            metric = metric_at(&point, &spikes)?;
-            // The model near the point does not depend on the metric of a plume that does not fluctuate.
-            here = self.linearised_by(here.local, &point, shape, &metric);
-            let reached = here.products.ln_normalisation - here.cost;
-            let settled = (reached - density).abs() < self.policy.settled_nats;
-            density = reached;
-            if settled {
+        let metric = self.metric_of(self.loadings(&start, shape.basis, noise)?, noise, inflation);
+        let basis = (shape.basis, &shape.active);
+        let local = self.local(&start, basis, &metric.fluctuation, tangent)?;
+        let here = self.linearised_by(local, &start, shape, &metric);
+        let mut newton = self.newton(&start, shape, &here);
+        let mut reached = (start, metric, here);
+        let mut part = 1.0;
+        let mut tries = 0;
+        for _ in 0..self.policy.most_steps {
+            if newton.promised_nats < self.policy.settled_nats || tries == TRIES {
                 break;
             }
+            tries += 1;
+            let next = moved(&reached.0, shape, &newton.step, part);
+            let there = self.remeasured(next, shape, &reached.1);
+            // What the model refuses is too far.
+            let then = there.map(|there| (self.newton(&there.0, shape, &there.2), there));
+            match then {
+                Ok((then, there)) if then.promised_nats < newton.promised_nats => {
+                    part = then.relaxation(&newton, part);
+                    (newton, reached, tries) = (then, there, 0);
+                }
+                _ => part *= SHORTER,
+            }
         }
+        Ok(reached)
+    }
+
+    /// A point with its own metric and the model linearised there; spikes are told by the metric `before`.
+    fn remeasured(
+        &self,
+        point: Point,
+        shape: &Shape<'_>,
+        before: &Metric,
+    ) -> Result<(Point, Metric, Linearised), InferError> {
+        let basis = (shape.basis, &shape.active);
+        let local = self.local(&point, basis, &before.fluctuation, None)?;
+        let spikes = self.spikes(&point, &local.misfit, before)?;
+        let noise = &before.whitener.noise;
+        let metric = self.metric_of(self.loadings(&point, shape.basis, noise)?, noise, &spikes);
+        // The model near the point does not depend on the metric of a plume that does not fluctuate.
+        let here = self.linearised_by(local, &point, shape, &metric);
         Ok((point, metric, here))
     }
 
@@ -594,7 +653,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         while left > 0 {
             let (next, there, used) = self.steps(point.clone(), here, shape, &metric, left)?;
             left -= used.min(left);
-            let spikes = self.spikes(&next, &there, &metric)?;
+            let spikes = self.spikes(&next, &there.local.misfit, &metric)?;
             let before = Some(&metric.fluctuation);
             let anew = self.metric(&next, shape.basis, noise, &spikes, before)?;
             here = self.linearised(&next, shape, &anew)?;
@@ -659,6 +718,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
                 .map(|((all, before), now)| all - before + now)
                 .collect(),
             per_degree: before.per_degree.clone(),
+            per_sigma_z: before.per_sigma_z.clone(),
         };
         let misfit = self.misfit(&there, &mean);
         let noise = metric.whitener.noise;
@@ -734,6 +794,40 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         here: &Linearised,
         cost: impl Fn(&Point) -> Option<(f64, T)>,
     ) -> Option<(Point, f64, T)> {
+        let (information, pull) = self.normal_equations(point, shape, here);
+        let step = Cholesky::new(information)?.solve(&pull);
+        let mut part = 1.0 / self.excess(&step, &shape.precision);
+        while part > SHORTEST_PART {
+            let next = moved(point, shape, &step, part);
+            if let Some((cost, more)) = cost(&next).filter(|(cost, _)| *cost < here.cost) {
+                return Some((next, cost, more));
+            }
+            part *= SHORTER;
+        }
+        None
+    }
+
+    /// The Gauss-Newton step of a linearised problem, no longer than that is valid.
+    fn newton(&self, point: &Point, shape: &Shape<'_>, here: &Linearised) -> NewtonStep {
+        let (information, pull) = self.normal_equations(point, shape, here);
+        let solved = Cholesky::new(information.clone()).map(|c| c.solve(&pull));
+        let mut step = solved.unwrap_or_else(|| DVector::zeros(pull.len()));
+        let promised_nats = 0.5 * step.dot(&pull);
+        step.unscale_mut(self.excess(&step, &shape.precision));
+        NewtonStep {
+            step,
+            promised_nats,
+            information,
+        }
+    }
+
+    /// Information and gradient of the linearised problem.
+    fn normal_equations(
+        &self,
+        point: &Point,
+        shape: &Shape<'_>,
+        here: &Linearised,
+    ) -> (DMatrix<f64>, DVector<f64>) {
         let n = here.columns - 1;
         let products = here.products.matrix(here.columns);
         let mut information = products.view((0, 0), (n, n)).into_owned();
@@ -743,23 +837,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
             information[(k, k)] += precision;
             pull[k] -= precision * offset[k];
         }
-        let step = Cholesky::new(information)?.solve(&pull);
-        let mut part = 1.0 / self.excess(&step, &shape.precision);
-        while part > SHORTEST_PART {
-            let mut next = point.clone();
-            let (unknowns, weights) = step.as_slice().split_at(self.unknowns());
-            for (x, s) in next.at.iter_mut().zip(unknowns) {
-                *x += part * s;
-            }
-            for (k, s) in shape.active.weights().zip(weights) {
-                next.weights[k] += part * s;
-            }
-            if let Some((cost, more)) = cost(&next).filter(|(cost, _)| *cost < here.cost) {
-                return Some((next, cost, more));
-            }
-            part *= SHORTER;
-        }
-        None
+        (information, pull)
     }
 
     /// Factor by which a step exceeds the validity of the linearised problem; at least one.
@@ -942,7 +1020,37 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
             per_degree.push(slope / (2.0 * DIFFERENCE_DEG));
             plume[i] *= growth[i].factor;
         }
-        Ok(Loadings { plume, per_degree })
+        let per_sigma_z = self.per_sigma_z(point, &turns, &growth)?;
+        Ok(Loadings {
+            plume,
+            per_degree,
+            per_sigma_z,
+        })
+    }
+
+    /// Change of each row's reading where the axis lies higher by one σz; nothing in a model without a height.
+    fn per_sigma_z(
+        &self,
+        point: &Point,
+        turns_deg: &[f64],
+        growth: &[Growth],
+    ) -> Result<Vec<f64>, InferError> {
+        let raised = |by_m| self.model.predict_raised(&point.at, turns_deg, by_m);
+        let (Some(high), Some(low)) = (raised(DIFFERENCE_M)?, raised(-DIFFERENCE_M)?) else {
+            return Ok(vec![0.0; self.rows.len()]);
+        };
+        let places = self.model.places(&point.at)?;
+        let of = |(i, place): (usize, &PlumePlace)| {
+            let per_m = (high.plume[i] - low.plume[i]) * growth[i].factor / (2.0 * DIFFERENCE_M);
+            let per_sigma_z = per_m * place.sigma_z_m;
+            // Upwind of the source there is no plume to rise.
+            if per_sigma_z.is_finite() {
+                per_sigma_z
+            } else {
+                0.0
+            }
+        };
+        Ok(places.iter().enumerate().map(of).collect())
     }
 
     fn linearised(
@@ -1182,10 +1290,10 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
     fn spikes(
         &self,
         point: &Point,
-        here: &Linearised,
+        misfit: &[f64],
         metric: &Metric,
     ) -> Result<Vec<f64>, InferError> {
-        let mut whitened = here.local.misfit.clone();
+        let mut whitened = misfit.to_vec();
         metric.whitener.whiten(self.rows, &mut whitened, 1);
         // Variance of a row's innovation without what a spike has added to it, and of its own white noise:
         // a spike that is allowed for must not look like none.
@@ -1212,7 +1320,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
                 // What follows a spike that was not allowed for may be far off as well: as much of it as
                 // is a spike by itself.
                 let spike = (first + 1..=i).rev().map(|end| first..end).find(|spike| {
-                    stands_out(&here.local.misfit, range.clone(), spike.clone())
+                    stands_out(misfit, range.clone(), spike.clone())
                         && self.is_short(&places, range.clone(), spike.start, spike.end)
                 });
                 for k in spike.into_iter().flatten() {

@@ -76,6 +76,7 @@ impl Fluctuation {
                 let e = factor(deviation[i], sd[i]);
                 at_mode.plume[i] = loadings.plume[i] * e;
                 at_mode.per_degree[i] = loadings.per_degree[i] * e;
+                at_mode.per_sigma_z[i] = loadings.per_sigma_z[i] * e;
                 linear[i] =
                     misfit[i] - loadings.plume[i] * (e - 1.0) + at_mode.plume[i] * deviation[i];
             }
@@ -104,6 +105,7 @@ impl Fluctuation {
         for (i, e) in factor.iter().enumerate() {
             loadings.plume[i] *= e;
             loadings.per_degree[i] *= e;
+            loadings.per_sigma_z[i] *= e;
         }
         Self {
             deviation,
@@ -135,6 +137,7 @@ mod tests {
         fluctuation_s: 5.0,
         wander_deg: 1.0,
         wander_s: 60.0,
+        wander_sigma_z: 0.1,
     };
 
     /// One reading of a plume of 100: the most probable u has no slope of the joint density
@@ -152,6 +155,7 @@ mod tests {
             let mut loadings = Loadings {
                 plume: vec![100.0],
                 per_degree: vec![0.0],
+                per_sigma_z: vec![0.0],
             };
             let misfit = [read - 100.0];
             let at = (&misfit[..], &[100.0][..]);

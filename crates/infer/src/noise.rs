@@ -1,22 +1,23 @@
 //! The noise of readings, as a linear Gaussian process in time whose likelihood a Kalman filter
 //! gives in one pass.
 //!
-//! Four independent parts make the misfit of a row: white noise of the sensor; a slow wander of
+//! Five independent parts make the misfit of a row: white noise of the sensor; a slow wander of
 //! its zero; the fluctuation of concentrations in the plume, proportional to the plume's part
-//! of the reading; and the wander of the plume's axis, proportional to the derivative of the
-//! reading by the axis' direction. The last three are Ornstein-Uhlenbeck processes: stationary,
-//! Gaussian, forgetting exponentially. The filter's innovations are independent, so the same
+//! of the reading; and the wander of the plume's axis to the sides and up and down, proportional to the
+//! derivatives of the reading by the axis' direction and height. The last four are Ornstein-Uhlenbeck processes:
+//! stationary, Gaussian, forgetting exponentially. The filter's innovations are independent, so the same
 //! recursion whitens any column of a least-squares problem (Durbin and Koopman 2012, section 4).
 
 use crate::rows::Rows;
 use multiversion::multiversion;
 use std::ops::Range;
 
-/// Processes with memory: slow wander of the zero, fluctuation, wander of the axis.
-const PROCESSES: usize = 3;
+/// Processes with memory: slow wander of the zero, fluctuation, wander of the axis to the sides, and up and down.
+const PROCESSES: usize = 4;
 const SLOW: usize = 0;
 const FLUCTUATION: usize = 1;
 const WANDER: usize = 2;
+const HEIGHT: usize = 3;
 
 /// Half the logarithm of 2π.
 const HALF_LN_TAU: f64 = 0.918_938_533_204_672_8;
@@ -38,11 +39,14 @@ pub struct Noise {
     pub wander_deg: f64,
     /// Memory of the axis' wander, s.
     pub wander_s: f64,
+    /// Wander of the axis up and down, as a part of the plume's σz; it has the memory of the wander to the sides, as the
+    /// same eddies make both.
+    pub wander_sigma_z: f64,
 }
 
 impl Noise {
     /// Number of sizes and memories.
-    pub const PARAMETERS: usize = 7;
+    pub const PARAMETERS: usize = 8;
 
     /// Natural logarithms of sizes and memories, in the order of the fields.
     pub fn ln(&self) -> [f64; Self::PARAMETERS] {
@@ -54,6 +58,7 @@ impl Noise {
             self.fluctuation_s,
             self.wander_deg,
             self.wander_s,
+            self.wander_sigma_z,
         ]
         .map(f64::ln)
     }
@@ -68,6 +73,7 @@ impl Noise {
             fluctuation_s,
             wander_deg,
             wander_s,
+            wander_sigma_z,
         ] = ln.map(f64::exp);
         Self {
             white,
@@ -77,6 +83,7 @@ impl Noise {
             fluctuation_s,
             wander_deg,
             wander_s,
+            wander_sigma_z,
         }
     }
 
@@ -86,11 +93,21 @@ impl Noise {
     }
 
     fn sizes(&self) -> [f64; PROCESSES] {
-        [self.slow, self.fluctuation, self.wander_deg]
+        [
+            self.slow,
+            self.fluctuation,
+            self.wander_deg,
+            self.wander_sigma_z,
+        ]
     }
 
     fn memories_s(&self) -> [f64; PROCESSES] {
-        [self.slow_s, self.fluctuation_s, self.wander_s]
+        [
+            self.slow_s,
+            self.fluctuation_s,
+            self.wander_s,
+            self.wander_s,
+        ]
     }
 }
 
@@ -101,11 +118,18 @@ pub struct Loadings {
     pub plume: Vec<f64>,
     /// Change of each row's reading by one degree of wander.
     pub per_degree: Vec<f64>,
+    /// Change of each row's reading where the axis is higher by one σz.
+    pub per_sigma_z: Vec<f64>,
 }
 
 impl Loadings {
     fn of(&self, row: usize) -> [f64; PROCESSES] {
-        [1.0, self.plume[row], self.per_degree[row]]
+        [
+            1.0,
+            self.plume[row],
+            self.per_degree[row],
+            self.per_sigma_z[row],
+        ]
     }
 }
 
@@ -280,7 +304,7 @@ pub(crate) fn smoothed_fluctuation(
             }
             scaled = innovation * step.inverse_sd * step.inverse_sd;
         }
-        filtered.push((step, of_fluctuation, [p[1], p[3], p[4]], scaled));
+        filtered.push((step, of_fluctuation, p[FLUCTUATION], scaled));
     });
     let mut out = vec![0.0; n];
     for range in rows.series() {
@@ -308,7 +332,7 @@ fn run(
     noise: &Noise,
     loadings: &Loadings,
     inflation: &[f64],
-    mut each: impl FnMut(At, Step, [f64; 6]),
+    mut each: impl FnMut(At, Step, &[[f64; PROCESSES]; PROCESSES]),
 ) {
     let size_sq = noise.sizes().map(|s| s * s);
     let memories_s = noise.memories_s();
@@ -347,7 +371,7 @@ fn run(
                 (step.gain, step.inverse_sd) =
                     covariance.learn(loading, white * white * inflation[index]);
             }
-            each(At { index, is_first }, step, before);
+            each(At { index, is_first }, step, &before);
         }
     }
 }
@@ -374,61 +398,75 @@ fn memory_of_means_s(memory_s: f64, averaging_s: f64) -> f64 {
     memory_s + 0.5 * averaging_s
 }
 
-/// Covariance of the processes: the upper triangle 00 01 02 11 12 22.
-struct Covariance([f64; 6]);
+/// Covariance of the processes, symmetric.
+struct Covariance([[f64; PROCESSES]; PROCESSES]);
 
 impl Covariance {
     fn stationary(size_sq: [f64; PROCESSES]) -> Self {
-        Self([size_sq[0], 0.0, 0.0, size_sq[1], 0.0, size_sq[2]])
+        let of = |i, j| if i == j { size_sq[i] } else { 0.0 };
+        Self(from_upper(of))
     }
 
-    fn forget(&mut self, [a, b, c]: [f64; PROCESSES], size_sq: [f64; PROCESSES]) {
-        let p = &mut self.0;
-        p[0] = a * a * p[0] + (1.0 - a * a) * size_sq[0];
-        p[1] *= a * b;
-        p[2] *= a * c;
-        p[3] = b * b * p[3] + (1.0 - b * b) * size_sq[1];
-        p[4] *= b * c;
-        p[5] = c * c * p[5] + (1.0 - c * c) * size_sq[2];
+    fn forget(&mut self, keep: [f64; PROCESSES], size_sq: [f64; PROCESSES]) {
+        let p = &self.0;
+        self.0 = from_upper(|i, j| {
+            let kept = keep[i] * keep[j];
+            let anew = if i == j {
+                (1.0 - kept) * size_sq[i]
+            } else {
+                0.0
+            };
+            kept * p[i][j] + anew
+        });
     }
 
     /// Takes in a row with white variance `own`: gain and inverse standard deviation of its innovation.
     fn learn(&mut self, h: [f64; PROCESSES], own: f64) -> ([f64; PROCESSES], f64) {
-        let p = &mut self.0;
-        let ph = [
-            p[0] * h[0] + p[1] * h[1] + p[2] * h[2],
-            p[1] * h[0] + p[3] * h[1] + p[4] * h[2],
-            p[2] * h[0] + p[4] * h[1] + p[5] * h[2],
-        ];
-        let variance = h[0] * ph[0] + h[1] * ph[1] + h[2] * ph[2] + own;
+        let p = &self.0;
+        let ph: [f64; PROCESSES] = std::array::from_fn(|i| dot(p[i], h));
+        let variance = dot(h, ph) + own;
         let gain = ph.map(|v| v / variance);
-        p[0] -= gain[0] * ph[0];
-        p[1] -= gain[0] * ph[1];
-        p[2] -= gain[0] * ph[2];
-        p[3] -= gain[1] * ph[1];
-        p[4] -= gain[1] * ph[2];
-        p[5] -= gain[2] * ph[2];
+        self.0 = from_upper(|i, j| p[i][j] - gain[i] * ph[j]);
         (gain, 1.0 / variance.sqrt())
     }
+}
+
+#[inline]
+fn dot(a: [f64; PROCESSES], b: [f64; PROCESSES]) -> f64 {
+    let mut sum = 0.0;
+    for k in 0..PROCESSES {
+        sum += a[k] * b[k];
+    }
+    sum
+}
+
+/// A symmetric matrix of its upper triangle.
+#[inline]
+fn from_upper(of: impl Fn(usize, usize) -> f64) -> [[f64; PROCESSES]; PROCESSES] {
+    std::array::from_fn(|i| std::array::from_fn(|j| of(i.min(j), i.max(j))))
 }
 
 /// The filter's means for all columns at once.
 #[multiversion(targets("x86_64+avx512f+avx512dq+avx512vl", "x86_64+avx2"))]
 fn whiten_part(matrix: &mut [f64], steps: &[Step], means: &mut Means) {
-    let [slow, fluctuation, wander] = &mut means.0;
+    let [slow, fluctuation, wander, height] = &mut means.0;
     for (row, s) in matrix.chunks_exact_mut(slow.len()).zip(steps) {
-        let states = slow.iter_mut().zip(&mut *fluctuation).zip(&mut *wander);
-        for (value, ((slow, fluctuation), wander)) in row.iter_mut().zip(states) {
+        let states = slow.iter_mut().zip(&mut *fluctuation);
+        let states = states.zip(wander.iter_mut().zip(&mut *height));
+        for (value, ((slow, fluctuation), (wander, height))) in row.iter_mut().zip(states) {
             *slow *= s.keep[SLOW];
             *fluctuation *= s.keep[FLUCTUATION];
             *wander *= s.keep[WANDER];
+            *height *= s.keep[HEIGHT];
             let expected = s.loading[SLOW] * *slow
                 + s.loading[FLUCTUATION] * *fluctuation
-                + s.loading[WANDER] * *wander;
+                + s.loading[WANDER] * *wander
+                + s.loading[HEIGHT] * *height;
             let innovation = *value - expected;
             *slow += s.gain[SLOW] * innovation;
             *fluctuation += s.gain[FLUCTUATION] * innovation;
             *wander += s.gain[WANDER] * innovation;
+            *height += s.gain[HEIGHT] * innovation;
             *value = innovation * s.inverse_sd;
         }
     }
@@ -447,6 +485,7 @@ mod tests {
         fluctuation_s: 5.0,
         wander_deg: 1.5,
         wander_s: 30.0,
+        wander_sigma_z: 0.3,
     };
 
     /// Two sensors with uneven times, of which one reading does not count and one states its noise.
@@ -467,6 +506,7 @@ mod tests {
         let loadings = Loadings {
             plume: vec![0.0, 10.0, 40.0, 30.0, 0.5, 0.0, 20.0, 3.0],
             per_degree: vec![0.0, 4.0, 1.0, -6.0, -0.2, 0.0, -8.0, 1.0],
+            per_sigma_z: vec![0.0, 6.0, -20.0, 9.0, 0.1, 0.0, -5.0, 2.0],
         };
         (rows.unwrap(), loadings, misfit.to_vec())
     }
@@ -494,6 +534,9 @@ mod tests {
                     + part(NOISE.wander_deg, NOISE.wander_s)
                         * loadings.per_degree[i]
                         * loadings.per_degree[j]
+                    + part(NOISE.wander_sigma_z, NOISE.wander_s)
+                        * loadings.per_sigma_z[i]
+                        * loadings.per_sigma_z[j]
             });
             let misfit = DVector::from_fn(n, |a, _| rows.measured()[used[a]]);
             let cholesky = Cholesky::new(covariance).unwrap();
@@ -548,6 +591,9 @@ mod tests {
                     + part(NOISE.wander_deg, NOISE.wander_s, i, j)
                         * loadings.per_degree[i]
                         * loadings.per_degree[j]
+                    + part(NOISE.wander_sigma_z, NOISE.wander_s, i, j)
+                        * loadings.per_sigma_z[i]
+                        * loadings.per_sigma_z[j]
                     + if a == b { white * white } else { 0.0 }
             });
             let read = DVector::from_fn(used.len(), |a, _| misfit[used[a]]);

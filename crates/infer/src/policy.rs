@@ -46,14 +46,16 @@ pub struct Policy {
     /// Probability beforehand that a coordinate has no discrepancy: a third then have none at all.
     pub discrepancy_none: f64,
     /// What is known of the noise beforehand: median of each size and memory, sizes of white and
-    /// slow noise as multiples of the sensor's own.
+    /// slow noise as multiples of the sensor's own. The axis forgets its wander as eddies pass: those of the plume's own
+    /// size in some seconds, the largest of the layer in some minutes (Taylor 1938).
     pub noise_median: Noise,
     /// One standard deviation of the natural logarithm of each, in the same order.
     pub noise_ln_sd: [f64; Noise::PARAMETERS],
     /// Noise beyond these sizes is a deviation from ordinary air and sensors; white and slow noise as multiples of the
     /// sensor's own, memories of any length. Concentrations inside a plume of a steady source fluctuate by .5 to 1.5 of
     /// their mean (Mylne and Mason 1991), a sensor's zero drifts by up to three times its noise, and the axis of a plume
-    /// wanders by some degrees about a wind that is logged elsewhere (σθ of a neutral layer is 10°: Pasquill 1961).
+    /// wanders by some degrees about a wind that is logged elsewhere (σθ of a neutral layer is 10°: Pasquill 1961). Up and
+    /// down it wanders by at most half of the variance of the mean plume, of which meander is a part (Gifford 1959).
     pub noise_tolerated: Noise,
     /// About how many passes a record is cut into.
     pub passes: usize,
@@ -130,9 +132,10 @@ impl Default for Policy {
                 fluctuation: 0.1,
                 fluctuation_s: 5.0,
                 wander_deg: 1.0,
-                wander_s: 60.0,
+                wander_s: 25.0,
+                wander_sigma_z: 0.1,
             },
-            noise_ln_sd: [0.7, 0.5, 0.5, 0.8, 0.8, 1.0, 0.5],
+            noise_ln_sd: [0.7, 0.5, 0.5, 0.8, 0.8, 1.0, 1.0, 1.0],
             noise_tolerated: Noise {
                 white: 6.0,
                 slow: 3.0,
@@ -141,6 +144,7 @@ impl Default for Policy {
                 fluctuation_s: f64::INFINITY,
                 wander_deg: 5.0,
                 wander_s: f64::INFINITY,
+                wander_sigma_z: 0.7,
             },
             passes: 16,
             spike_sd: 4.0,

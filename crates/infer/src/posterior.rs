@@ -11,21 +11,16 @@ use crate::rows::{ForwardModel, PlumePlace};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use std::sync::Arc;
 
-/// Fluctuation and wander are tried smaller and larger by this factor until the evidence falls.
-const SIZE_FACTOR: f64 = 2.0;
-/// Most such tries, and most rounds of sizes of the discrepancy.
-const MOST_TRIES: usize = 6;
+/// Most rounds of sizes of the discrepancy.
 const MOST_ROUNDS: usize = 4;
-/// A try that gains less ends them, nats.
-const LEAST_GAIN: f64 = 0.5;
 /// Sizes whose evidence is less by this have no neighbours that count, nats.
 const NEAR_NATS: f64 = 6.0;
 /// Size of the discrepancy that half of the first fits are given: middling, so that it is found
 /// where it is and does nothing where it is not.
 const FIRST_SIZE: f64 = 0.3;
-/// Fluctuation and wander that the first fits are given, as multiples of what is most probable
+/// Fluctuation and wander to the sides, and up and down, that the first fits are given, as multiples of what is most probable
 /// beforehand: a plume that lies nearly still, one that wanders, and one whose strength flickers.
-const FIRST_NOISES: [(f64, f64); 3] = [(0.5, 0.1), (1.0, 3.0), (3.0, 0.3)];
+const FIRST_NOISES: [(f64, f64, f64); 3] = [(0.5, 0.1, 0.3), (1.0, 3.0, 3.0), (3.0, 0.3, 1.0)];
 /// Differences for derivatives: part of a standard deviation, and degrees of the axis.
 const DIFFERENCE_SD: f64 = 0.05;
 const DIFFERENCE_DEG: f64 = 0.05;
@@ -36,9 +31,10 @@ const FARTHEST_LN: f64 = 1.0;
 const WAY_OF_A_SEARCH: f64 = 10.0;
 /// How often the noise of a fit on more readings is made most probable.
 pub(crate) const REFITS: usize = 5;
-/// Fluctuation and wander are held against ones smaller and larger by this factor, so many times.
+/// Fluctuation and wander are held against ones smaller and larger by a factor, at first a coarse one, so many times.
+const COARSE_FACTOR: f64 = 2.0;
 const POLISH_FACTOR: f64 = 1.5;
-const POLISHED: usize = 3;
+const POLISHED: usize = 4;
 /// First fits whose noise is fitted, and those of them that are followed to their end.
 const REFINED: usize = 4;
 const FOLLOWED: usize = 2;
@@ -141,7 +137,7 @@ impl<M: ForwardModel> Problem<'_, M> {
     }
 
     pub(crate) fn refined(&self, before: &Fit) -> Result<Weighed, InferError> {
-        let best = self.polished(self.carried(before)?)?;
+        let best = self.polished(self.carried(before)?, POLISH_FACTOR)?;
         // What began with a discrepancy or an axis drift may be better without.
         let calm = self.quiet_noise();
         let none = self.policy.nearest_sizes(0.0, 0.0);
@@ -151,7 +147,7 @@ impl<M: ForwardModel> Problem<'_, M> {
         if calm.ln_evidence < best.ln_evidence - NEAR_NATS {
             return Ok(best);
         }
-        let calm = self.polished(calm)?;
+        let calm = self.polished(calm, POLISH_FACTOR)?;
         Ok(if calm.ln_evidence > best.ln_evidence {
             calm
         } else {
@@ -192,10 +188,11 @@ impl<M: ForwardModel> Problem<'_, M> {
         self.settled(&fit.point, &fit.basis, (fit.noise, fit.sizes), REFITS)
     }
 
-    /// The fit with the fluctuation and wander that have the largest evidence.
-    fn polished(&self, mut best: Weighed) -> Result<Weighed, InferError> {
+    /// The fit with the noise that has the largest evidence, looked for in steps of a factor. The likelihood at one point
+    /// alone prefers noises that are too small, as the point was fitted too.
+    pub(crate) fn polished(&self, mut best: Weighed, factor: f64) -> Result<Weighed, InferError> {
         for _ in 0..POLISHED {
-            let noise = self.noise_by_evidence(&best)?;
+            let noise = self.noise_by_evidence(&best, factor)?;
             let fit = &best.fit;
             let next = self.settle_sizes(self.fit(&fit.point, &fit.basis, noise, fit.sizes)?)?;
             let gain = next.ln_evidence - best.ln_evidence;
@@ -210,19 +207,17 @@ impl<M: ForwardModel> Problem<'_, M> {
     }
 
     /// Fluctuation and wander by the parabola through the evidence of three sizes each, at one point.
-    fn noise_by_evidence(&self, of: &Weighed) -> Result<Noise, InferError> {
+    fn noise_by_evidence(&self, of: &Weighed, factor: f64) -> Result<Noise, InferError> {
         let sizes = of.likeliest_sizes();
-        let evidence = |noise: Noise| -> Result<f64, InferError> {
+        let evidence = |noise: &Noise| -> Result<f64, InferError> {
             let mut fit = of.fit.clone();
-            fit.noise = noise;
+            fit.noise = *noise;
             let (known, products) = self.products(&fit, &[], &[self.rows.whole()])?;
-            Ok(Evidence::new(&products[0], &known).ln(&sizes) + self.ln_noise_prior(&noise))
+            Ok(Evidence::new(&products[0], &known).ln(&sizes) + self.ln_noise_prior(noise))
         };
-        let evidence = |noise: &Noise| evidence(*noise);
         let mut noise = of.fit.noise;
-        for scaled in [scale_fluctuation, scale_wander] {
-            let step = POLISH_FACTOR.ln();
-            let tried = [1.0, POLISH_FACTOR, 1.0 / POLISH_FACTOR].map(|by| scaled(noise, by));
+        for scaled in SCALED {
+            let tried = [1.0, factor, 1.0 / factor].map(|by| scaled(noise, by));
             let found: Result<Vec<f64>, _> = parallel_map(&tried, evidence).into_iter().collect();
             let found = found?;
             let (more, less) = (found[1] - found[0], found[2] - found[0]);
@@ -232,7 +227,7 @@ impl<M: ForwardModel> Problem<'_, M> {
             } else {
                 (more - less).signum()
             };
-            noise = scaled(noise, (step * way).exp());
+            noise = scaled(noise, factor.powf(way));
         }
         Ok(noise)
     }
@@ -264,7 +259,7 @@ impl<M: ForwardModel> Problem<'_, M> {
         found.truncate(FOLLOWED);
         let followed = parallel_map(&found, |first| {
             let fit = self.refit_noise(&self.refit_noise(&first.fit)?)?;
-            self.climb(self.settle_sizes(fit)?)
+            self.polished(self.settle_sizes(fit)?, COARSE_FACTOR)
         });
         let mut found = followed.into_iter().collect::<Result<Vec<_>, _>>()?;
         sort(&mut found);
@@ -288,10 +283,11 @@ impl<M: ForwardModel> Problem<'_, M> {
             let basis = self.basis(point)?;
             for form in [0.0, FIRST_SIZE] {
                 let sizes = self.policy.nearest_sizes(form, *axis_drift_deg);
-                for (fluctuation, wander) in FIRST_NOISES {
+                for (fluctuation, wander, wander_of_height) in FIRST_NOISES {
                     let noise = Noise {
                         fluctuation: prior.fluctuation * fluctuation,
                         wander_deg: prior.wander_deg * wander,
+                        wander_sigma_z: prior.wander_sigma_z * wander_of_height,
                         ..prior
                     };
                     firsts.push((point, basis.clone(), noise, sizes));
@@ -309,32 +305,6 @@ impl<M: ForwardModel> Problem<'_, M> {
             self.settle_sizes(fit)
         });
         refined.into_iter().collect()
-    }
-
-    /// The fit with the sizes of fluctuation and wander that have the largest evidence from `best` on.
-    /// The likelihood at one point alone prefers noises that are too small, as the point was fitted
-    /// too.
-    pub(crate) fn climb(&self, mut best: Weighed) -> Result<Weighed, InferError> {
-        for _ in 0..MOST_TRIES {
-            let before = best.ln_evidence;
-            for scaled in [scale_fluctuation, scale_wander] {
-                let fit = &best.fit;
-                let tried = parallel_map(&[SIZE_FACTOR, 1.0 / SIZE_FACTOR], |by| {
-                    let noise = scaled(fit.noise, *by);
-                    self.settle_sizes(self.fit(&fit.point, &fit.basis, noise, fit.sizes)?)
-                });
-                for tried in tried {
-                    let tried = tried?;
-                    if tried.ln_evidence > best.ln_evidence {
-                        best = tried;
-                    }
-                }
-            }
-            if best.ln_evidence - before < LEAST_GAIN {
-                break;
-            }
-        }
-        Ok(best)
     }
 
     /// The fit under the same noise whose point has the sizes of the discrepancy that are likeliest
@@ -571,19 +541,25 @@ fn sort(found: &mut [Weighed]) {
     found.sort_by(|a, b| b.ln_evidence.total_cmp(&a.ln_evidence));
 }
 
-fn scale_fluctuation(noise: Noise, by: f64) -> Noise {
-    Noise {
+/// What of the noise is looked for by its evidence.
+const SCALED: [fn(Noise, f64) -> Noise; 4] = [
+    |noise, by| Noise {
         fluctuation: noise.fluctuation * by,
         ..noise
-    }
-}
-
-fn scale_wander(noise: Noise, by: f64) -> Noise {
-    Noise {
+    },
+    |noise, by| Noise {
         wander_deg: noise.wander_deg * by,
         ..noise
-    }
-}
+    },
+    |noise, by| Noise {
+        wander_sigma_z: noise.wander_sigma_z * by,
+        ..noise
+    },
+    |noise, by| Noise {
+        wander_s: noise.wander_s * by,
+        ..noise
+    },
+];
 
 fn mean_step(parts: &[Part], tried: usize) -> DVector<f64> {
     let none = DVector::zeros(tried);

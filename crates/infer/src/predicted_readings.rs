@@ -148,6 +148,7 @@ fn larger(a: &Noise, b: &Noise) -> Noise {
         slow: a.slow.max(b.slow),
         fluctuation: a.fluctuation.max(b.fluctuation),
         wander_deg: a.wander_deg.max(b.wander_deg),
+        wander_sigma_z: a.wander_sigma_z.max(b.wander_sigma_z),
         ..*a
     }
 }
@@ -180,6 +181,16 @@ impl<M: ForwardModel> ForwardModel for Moved<'_, M> {
         self.model.under_way_s(row)
     }
 
+    fn predict_raised(
+        &self,
+        at: &[f64],
+        turn_deg: &[f64],
+        by_m: f64,
+    ) -> Result<Option<Prediction>, InferError> {
+        self.model
+            .predict_raised(&self.believed.moved(at), turn_deg, by_m)
+    }
+
     fn places(&self, at: &[f64]) -> Result<Vec<PlumePlace>, InferError> {
         self.model.places(&self.believed.moved(at))
     }
@@ -199,6 +210,7 @@ mod tests {
         fluctuation_s: 5.0,
         wander_deg: 1.0,
         wander_s: 60.0,
+        wander_sigma_z: 0.1,
     };
     const ROWS: usize = 80;
 

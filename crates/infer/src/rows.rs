@@ -175,6 +175,8 @@ pub struct PlumePlace {
     pub time_s: f64,
     /// Time at which the air there left the source, s.
     pub emitted_s: f64,
+    /// σz there, m.
+    pub sigma_z_m: f64,
 }
 
 /// A model of readings with unknowns.
@@ -194,6 +196,19 @@ pub trait ForwardModel: Sync {
     /// # Errors
     /// Values that the model refuses.
     fn predict(&self, at: &[f64], turn_deg: &[f64]) -> Result<Prediction, InferError>;
+
+    /// The same where the axis lies higher by so many metres; none where the model has no axis of a height.
+    ///
+    /// # Errors
+    /// Values that the model refuses.
+    fn predict_raised(
+        &self,
+        _at: &[f64],
+        _turn_deg: &[f64],
+        _by_m: f64,
+    ) -> Result<Option<Prediction>, InferError> {
+        Ok(None)
+    }
 
     /// How long the air of a row has been under way since the source let it go, s: its axis has turned as
     /// the wind did on the average over that time. Zero where the whole plume turns at once.

@@ -193,6 +193,8 @@ pub struct InPlume {
     pub across_sigmas: f64,
     /// Height above the axis over σz.
     pub above_sigmas: f64,
+    /// σz there, m.
+    pub sigma_z_m: f64,
 }
 
 /// A source, or a cell of one, with all mechanisms applied.
@@ -558,6 +560,7 @@ impl DispersionModel {
             distance_m,
             across_sigmas: across_m / sigma_y_m,
             above_sigmas: (place.height_agl_m - plume.height_m) / sigma_z_m,
+            sigma_z_m,
         })
     }
 

@@ -401,6 +401,7 @@ fn noise(set: &FittedSet<PlumeModel<'_>>) -> Noise {
         fluctuation: found.fluctuation,
         fluctuation_s: found.fluctuation_s,
         axis_wander_deg: found.wander_deg,
+        axis_wander_sigma_z: found.wander_sigma_z,
     }
 }
 

@@ -545,6 +545,20 @@ impl ForwardModel for PlumeModel<'_> {
         Ok(out)
     }
 
+    fn predict_raised(
+        &self,
+        at: &[f64],
+        turn_deg: &[f64],
+        by_m: f64,
+    ) -> Result<Option<Prediction>, InferError> {
+        let Some(k) = self.unknown(MechanismId::EffectiveHeightOffset) else {
+            return Ok(None);
+        };
+        let mut raised = at.to_vec();
+        raised[k] += by_m;
+        self.predict(&raised, turn_deg).map(Some)
+    }
+
     fn height_agl_m(&self, row: usize) -> f64 {
         self.track.place(row).height_agl_m
     }
@@ -578,6 +592,7 @@ pub fn plume_place(place: Option<InPlume>, time_s: f64, under_way_s: f64) -> Plu
     let none = PlumePlace {
         ln_distance: f64::NAN,
         above_sigmas: f64::NAN,
+        sigma_z_m: f64::NAN,
         across_sigmas: f64::NAN,
         time_s,
         emitted_s: time_s - under_way_s,
@@ -585,6 +600,7 @@ pub fn plume_place(place: Option<InPlume>, time_s: f64, under_way_s: f64) -> Plu
     place.map_or(none, |p| PlumePlace {
         ln_distance: p.distance_m.ln(),
         above_sigmas: p.above_sigmas,
+        sigma_z_m: p.sigma_z_m,
         across_sigmas: p.across_sigmas,
         time_s,
         emitted_s: time_s - under_way_s,

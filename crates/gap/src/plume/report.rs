@@ -160,6 +160,7 @@ fn noise_words(n: &infer::Noise) -> Vec<(String, f64, String)> {
         word("fluctuation of the plume", 100.0 * n.fluctuation, "% of it"),
         word("fluctuation, time constant", n.fluctuation_s, "s"),
         word("wander of the axis", n.wander_deg, "deg"),
+        word("wander of the axis up and down", n.wander_sigma_z, "σz"),
         word("wander of the axis, time constant", n.wander_s, "s"),
     ]
 }

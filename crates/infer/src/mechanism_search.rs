@@ -10,6 +10,7 @@ use crate::discrepancy::Sizes;
 use crate::evidence::{Evidence, Reduced};
 use crate::fit::{Fit, Point, Problem};
 use crate::fluctuation::FluctuationLaw;
+use crate::noise::Noise;
 use crate::parallel_map::parallel_map;
 use crate::policy::Policy;
 use crate::posterior::{Posterior, REFITS, Weighed};
@@ -288,16 +289,33 @@ impl<'a> Question<'a> {
             ..self.beside(plain, &plain.model)
         };
         let sizes = plain.fit().sizes;
-        let weighed_at = |fit: Fit| -> Result<Weighed, InferError> {
-            let mut weighed = problem.around(fit)?;
-            weighed.ln_evidence = weighed.only(&sizes, self.policy, &problem);
-            Ok(weighed)
-        };
         let fit = plain.fit();
         let first = problem.fit(&fit.point, &fit.basis, fit.noise, sizes)?;
-        let mut best = weighed_at(first)?;
-        for _ in 0..LOG_NORMAL_REFITS {
-            let next = weighed_at(problem.refit_noise_tolerated(&best.fit)?)?;
+        let best = self.refitted(&problem, first, &sizes, |fit| {
+            problem.refit_noise_tolerated(fit)
+        })?;
+        Ok(FittedSet {
+            weighed: best,
+            ..plain.clone()
+        })
+    }
+
+    /// A fit whose noise is made most probable again until the evidence of these sizes gains nothing.
+    fn refitted<M: ForwardModel>(
+        &self,
+        problem: &Problem<'_, M>,
+        fit: Fit,
+        sizes: &Sizes,
+        refit: impl Fn(&Fit) -> Result<Fit, InferError>,
+    ) -> Result<Weighed, InferError> {
+        let weighed_at = |fit: Fit| -> Result<Weighed, InferError> {
+            let mut weighed = problem.around(fit)?;
+            weighed.ln_evidence = weighed.only(sizes, self.policy, problem);
+            Ok(weighed)
+        };
+        let mut best = weighed_at(fit)?;
+        for _ in 0..RESTRICTED_REFITS {
+            let next = weighed_at(refit(&best.fit)?)?;
             let gain = next.ln_evidence - best.ln_evidence;
             if gain > 0.0 {
                 best = next;
@@ -306,10 +324,7 @@ impl<'a> Question<'a> {
                 break;
             }
         }
-        Ok(FittedSet {
-            weighed: best,
-            ..plain.clone()
-        })
+        Ok(best)
     }
 
     /// The same set with these sizes of discrepancy and axis drift, and with noise limited to the tolerated sizes unless
@@ -332,23 +347,30 @@ impl<'a> Question<'a> {
             same.weighed.ln_evidence = same.weighed.only(sizes, self.policy, &problem);
             return Ok(same);
         }
-        let first = problem.fit(&fit.point, &fit.basis, noise, *sizes)?;
-        let again = if is_noisy {
-            problem.refit_noise(&first)?
-        } else {
-            problem.refit_noise_tolerated(&first)?
-        };
-        let mut best: Option<Weighed> = None;
-        for fit in [first, again] {
-            let mut weighed = problem.around(fit)?;
-            weighed.ln_evidence = weighed.only(sizes, self.policy, &problem);
-            if best
-                .as_ref()
-                .is_none_or(|b| weighed.ln_evidence > b.ln_evidence)
-            {
-                best = Some(weighed);
-            }
+        // What a discrepancy explained is left to the noise: it may have to be much larger.
+        let mut starts = vec![noise];
+        if !is_noisy {
+            starts.extend(problem.first_noises().skip(1).map(|first| Noise {
+                fluctuation: first.fluctuation,
+                wander_deg: first.wander_deg,
+                wander_sigma_z: first.wander_sigma_z,
+                ..noise
+            }));
         }
+        let settled = parallel_map(&starts, |noise| {
+            let fit = problem.fit(&fit.point, &fit.basis, *noise, *sizes)?;
+            self.refitted(&problem, fit, sizes, |fit| {
+                if is_noisy {
+                    problem.refit_noise(fit)
+                } else {
+                    problem.refit_noise_tolerated(fit)
+                }
+            })
+        });
+        let settled = settled.into_iter().collect::<Result<Vec<_>, _>>()?;
+        let best = settled
+            .into_iter()
+            .max_by(|a, b| a.ln_evidence.total_cmp(&b.ln_evidence));
         Ok(FittedSet {
             weighed: best.ok_or(InferError::NoPosterior)?,
             mechanisms: of.mechanisms.clone(),
@@ -616,8 +638,8 @@ impl<'a> Question<'a> {
     }
 }
 
-/// Number of times to maximise over the noise of a log-normal fluctuation, which depends on the fluctuation itself.
-const LOG_NORMAL_REFITS: usize = 10;
+/// Most times that the noise of a restricted set is made most probable: that of a log-normal fluctuation depends on itself.
+const RESTRICTED_REFITS: usize = 10;
 /// Number of restarts after a mechanism led to a better base.
 const NEW_BASES: usize = 2;
 /// Gain of the log evidence that makes a base a better one, nats.

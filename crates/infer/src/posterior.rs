@@ -266,10 +266,22 @@ impl<M: ForwardModel> Problem<'_, M> {
         found.into_iter().next().ok_or(InferError::NoPosterior)
     }
 
+    /// Noises of the first fits.
+    pub(crate) fn first_noises(&self) -> impl Iterator<Item = Noise> {
+        let usual = self.usual_noise();
+        FIRST_NOISES
+            .into_iter()
+            .map(move |(fluctuation, wander, wander_of_height)| Noise {
+                fluctuation: usual.fluctuation * fluctuation,
+                wander_deg: usual.wander_deg * wander,
+                wander_sigma_z: usual.wander_sigma_z * wander_of_height,
+                ..usual
+            })
+    }
+
     /// Posteriors from several starts, noises and sizes of the discrepancy: the likelihood has
     /// several valleys where a plume wanders.
     fn first_fits(&self) -> Result<Vec<Weighed>, InferError> {
-        let prior = self.usual_noise();
         let still = self.rough_fit(&self.search()?, 0.0)?;
         let (swung, axis_drift_deg) = self.swung(&still)?;
         let mut points = vec![(still, 0.0)];
@@ -283,13 +295,7 @@ impl<M: ForwardModel> Problem<'_, M> {
             let basis = self.basis(point)?;
             for form in [0.0, FIRST_SIZE] {
                 let sizes = self.policy.nearest_sizes(form, *axis_drift_deg);
-                for (fluctuation, wander, wander_of_height) in FIRST_NOISES {
-                    let noise = Noise {
-                        fluctuation: prior.fluctuation * fluctuation,
-                        wander_deg: prior.wander_deg * wander,
-                        wander_sigma_z: prior.wander_sigma_z * wander_of_height,
-                        ..prior
-                    };
+                for noise in self.first_noises() {
                     firsts.push((point, basis.clone(), noise, sizes));
                 }
             }

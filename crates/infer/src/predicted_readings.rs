@@ -281,6 +281,7 @@ mod tests {
         let none = Loadings {
             plume: vec![0.0; ROWS],
             per_degree: vec![0.0; ROWS],
+            per_sigma_z: vec![0.0; ROWS],
         };
         let ahead = PredictedReadings {
             question: Question {

@@ -327,6 +327,7 @@ fn place(at: &[f64], [east, north, height, t]: Row) -> PlumePlace {
         across_sigmas: y / (at[3].exp() * sy),
         time_s: t,
         emitted_s: t,
+        sigma_z_m: at[4].exp() * sz,
     }
 }
 
@@ -362,6 +363,17 @@ impl ForwardModel for Model {
             reading: plume.iter().map(|p| p + at[5]).collect(),
             plume,
         })
+    }
+
+    fn predict_raised(
+        &self,
+        at: &[f64],
+        turn_deg: &[f64],
+        by_m: f64,
+    ) -> Result<Option<Prediction>, InferError> {
+        let mut raised = at.to_vec();
+        raised[1] += by_m;
+        self.predict(&raised, turn_deg).map(Some)
     }
 
     fn places(&self, at: &[f64]) -> Result<Vec<PlumePlace>, InferError> {

@@ -719,6 +719,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
                 .collect(),
             per_degree: before.per_degree.clone(),
             per_sigma_z: before.per_sigma_z.clone(),
+            response_s: before.response_s.clone(),
         };
         let misfit = self.misfit(&there, &mean);
         let noise = metric.whitener.noise;
@@ -1025,6 +1026,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
             plume,
             per_degree,
             per_sigma_z,
+            response_s: self.model.response_s(&point.at)?,
         })
     }
 

@@ -62,7 +62,7 @@ impl Fluctuation {
     ) -> Self {
         let n = rows.len();
         let sd: Vec<f64> = (0..n)
-            .map(|i| noise.fluctuation_sd(rows.averaging_s(i)))
+            .map(|i| noise.fluctuation_sd(loadings.response_s(i), rows.averaging_s(i)))
             .collect();
         let mut deviation = before.map_or_else(|| vec![0.0; n], |b| b.deviation.clone());
         for (u, sd) in deviation.iter_mut().zip(&sd) {
@@ -156,6 +156,7 @@ mod tests {
                 plume: vec![100.0],
                 per_degree: vec![0.0],
                 per_sigma_z: vec![0.0],
+                response_s: Vec::new(),
             };
             let misfit = [read - 100.0];
             let at = (&misfit[..], &[100.0][..]);

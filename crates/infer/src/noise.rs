@@ -5,19 +5,20 @@
 //! its zero; the fluctuation of concentrations in the plume, proportional to the plume's part
 //! of the reading; and the wander of the plume's axis to the sides and up and down, proportional to the
 //! derivatives of the reading by the axis' direction and height. The last four are Ornstein-Uhlenbeck processes:
-//! stationary, Gaussian, forgetting exponentially. The filter's innovations are independent, so the same
+//! stationary, Gaussian, forgetting exponentially. A sensor shows the last three, which are the air's, only after its
+//! response: as a lag of first order makes of them, which is smooth where the air is rough. The filter's innovations are independent, so the same
 //! recursion whitens any column of a least-squares problem (Durbin and Koopman 2012, section 4).
 
 use crate::rows::Rows;
 use multiversion::multiversion;
 use std::ops::Range;
 
-/// Processes with memory: slow wander of the zero, fluctuation, wander of the axis to the sides, and up and down.
-const PROCESSES: usize = 4;
-const SLOW: usize = 0;
-const FLUCTUATION: usize = 1;
-const WANDER: usize = 2;
-const HEIGHT: usize = 3;
+/// Processes of the air: fluctuation, wander of the axis to the sides, and up and down.
+const OF_AIR: usize = 3;
+/// The slow wander of the zero, and of each process of the air what is there and what the sensor shows of it.
+const STATES: usize = 1 + 2 * OF_AIR;
+/// What the sensor shows of the fluctuation, among the states.
+const FLUCTUATION_SHOWN: usize = 2;
 
 /// Half the logarithm of 2π.
 const HALF_LN_TAU: f64 = 0.918_938_533_204_672_8;
@@ -87,26 +88,17 @@ impl Noise {
         }
     }
 
-    /// Standard deviation of the fluctuation in a mean over this time.
-    pub(crate) fn fluctuation_sd(&self, averaging_s: f64) -> f64 {
-        self.fluctuation * left_of_means(self.fluctuation_s, averaging_s)
+    /// Standard deviation of the fluctuation that a sensor of a response time shows in a mean over a time.
+    pub(crate) fn fluctuation_sd(&self, response_s: f64, averaging_s: f64) -> f64 {
+        let shown = shown_part(self.fluctuation_s, response_s).sqrt();
+        self.fluctuation * shown * left_of_means(self.fluctuation_s, averaging_s)
     }
 
-    fn sizes(&self) -> [f64; PROCESSES] {
+    fn of_air(&self) -> [(f64, f64); OF_AIR] {
         [
-            self.slow,
-            self.fluctuation,
-            self.wander_deg,
-            self.wander_sigma_z,
-        ]
-    }
-
-    fn memories_s(&self) -> [f64; PROCESSES] {
-        [
-            self.slow_s,
-            self.fluctuation_s,
-            self.wander_s,
-            self.wander_s,
+            (self.fluctuation, self.fluctuation_s),
+            (self.wander_deg, self.wander_s),
+            (self.wander_sigma_z, self.wander_s),
         ]
     }
 }
@@ -120,26 +112,115 @@ pub struct Loadings {
     pub per_degree: Vec<f64>,
     /// Change of each row's reading where the axis is higher by one σz.
     pub per_sigma_z: Vec<f64>,
+    /// Response time of each row's sensor, s; empty where all show the air at once.
+    pub response_s: Vec<f64>,
 }
 
 impl Loadings {
-    fn of(&self, row: usize) -> [f64; PROCESSES] {
-        [
-            1.0,
-            self.plume[row],
-            self.per_degree[row],
-            self.per_sigma_z[row],
-        ]
+    fn of_air(&self, row: usize) -> [f64; OF_AIR] {
+        [self.plume[row], self.per_degree[row], self.per_sigma_z[row]]
     }
+
+    /// Response time of a row's sensor, s.
+    pub(crate) fn response_s(&self, row: usize) -> f64 {
+        self.response_s.get(row).copied().unwrap_or(0.0)
+    }
+}
+
+/// What becomes of the states from one row to the next.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Transition {
+    slow: f64,
+    /// Of each process of the air: what lasts of it, what lasts of what is shown, and what is shown of it anew.
+    of_air: [(f64, f64, f64); OF_AIR],
+}
+
+impl Transition {
+    const NONE: Self = Self {
+        slow: 1.0,
+        of_air: [(1.0, 1.0, 0.0); OF_AIR],
+    };
+
+    fn over(dt_s: f64, noise: &Noise, averaging_s: f64, response_s: f64) -> Self {
+        let of = |(_, memory_s): (f64, f64)| {
+            let memory_s = memory_of_means_s(memory_s, averaging_s);
+            let lasts = (-dt_s / memory_s).exp();
+            let shown = if response_s > 0.0 {
+                (-dt_s / response_s).exp()
+            } else {
+                0.0
+            };
+            let apart = 1.0 - response_s / memory_s;
+            // Of times alike: what the formula leaves of rounding.
+            let anew = if apart.abs() < LEAST_PART {
+                dt_s / memory_s * lasts
+            } else {
+                (lasts - shown) / apart
+            };
+            (lasts, shown, anew)
+        };
+        Self {
+            slow: (-dt_s / memory_of_means_s(noise.slow_s, averaging_s)).exp(),
+            of_air: noise.of_air().map(of),
+        }
+    }
+
+    #[inline]
+    fn apply(&self, state: &mut [f64; STATES]) {
+        state[0] *= self.slow;
+        for (k, (lasts, shown, anew)) in self.of_air.iter().enumerate() {
+            let (air, seen) = (1 + 2 * k, 2 + 2 * k);
+            state[seen] = shown * state[seen] + anew * state[air];
+            state[air] *= lasts;
+        }
+    }
+
+    /// Its transpose, for what later rows say of earlier ones.
+    #[inline]
+    fn apply_back(&self, state: &mut [f64; STATES]) {
+        state[0] *= self.slow;
+        for (k, (lasts, shown, anew)) in self.of_air.iter().enumerate() {
+            let (air, seen) = (1 + 2 * k, 2 + 2 * k);
+            state[air] = lasts * state[air] + anew * state[seen];
+            state[seen] *= shown;
+        }
+    }
+}
+
+/// Part of a process' variance that a sensor of a response time shows.
+fn shown_part(memory_s: f64, response_s: f64) -> f64 {
+    memory_s / (memory_s + response_s)
 }
 
 /// What the filter does to any column at a row.
 #[derive(Debug, Clone, Copy)]
 struct Step {
-    keep: [f64; PROCESSES],
-    loading: [f64; PROCESSES],
-    gain: [f64; PROCESSES],
+    transition: Transition,
+    loading: Loading,
+    gain: [f64; STATES],
     inverse_sd: f64,
+}
+
+/// What a reading has of the slow wander and of what is shown of each process of the air.
+#[derive(Debug, Clone, Copy)]
+struct Loading([f64; 1 + OF_AIR]);
+
+impl Loading {
+    #[inline]
+    fn times(&self, state: &[f64; STATES]) -> f64 {
+        let mut sum = 0.0;
+        for (k, loading) in self.0.iter().enumerate() {
+            sum += loading * state[2 * k];
+        }
+        sum
+    }
+
+    #[inline]
+    fn add_to(&self, state: &mut [f64; STATES], times: f64) {
+        for (k, loading) in self.0.iter().enumerate() {
+            state[2 * k] += loading * times;
+        }
+    }
 }
 
 /// A Kalman filter's gains for given noise and loadings.
@@ -193,7 +274,7 @@ impl Whitener {
 }
 
 /// The filter's means of all processes at a row, for each of several columns.
-pub(crate) struct Means([Vec<f64>; PROCESSES]);
+pub(crate) struct Means([Vec<f64>; STATES]);
 
 impl Means {
     /// Those before the first row of a series.
@@ -241,17 +322,14 @@ pub(crate) fn log_likelihood(
     inflation: &[f64],
     misfit: &[f64],
 ) -> f64 {
-    let mut mean = [0.0; PROCESSES];
+    let mut mean = [0.0; STATES];
     let (mut square, mut density) = (0.0, LnProduct::ONE);
     run(rows, noise, loadings, inflation, |row, step, _| {
         if row.is_first {
-            mean = [0.0; PROCESSES];
+            mean = [0.0; STATES];
         }
-        let mut expected = 0.0;
-        for (mean, (keep, loading)) in mean.iter_mut().zip(step.keep.iter().zip(step.loading)) {
-            *mean *= keep;
-            expected += loading * *mean;
-        }
+        step.transition.apply(&mut mean);
+        let expected = step.loading.times(&mean);
         if step.inverse_sd > 0.0 {
             let innovation = misfit[row.index] - expected;
             for (mean, gain) in mean.iter_mut().zip(step.gain) {
@@ -282,20 +360,17 @@ pub(crate) fn smoothed_fluctuation(
     misfit: &[f64],
 ) -> Vec<f64> {
     let n = rows.len();
-    let mut mean = [0.0; PROCESSES];
-    // Of each row: the step, the filter's mean of the fluctuation before it, its covariances with all processes, and the
+    let mut mean = [0.0; STATES];
+    // Of each row: the step, the filter's mean of the shown fluctuation before it, its covariances with all states, and the
     // innovation over its variance.
-    let mut filtered: Vec<(Step, f64, [f64; PROCESSES], f64)> = Vec::with_capacity(n);
+    let mut filtered: Vec<(Step, f64, [f64; STATES], f64)> = Vec::with_capacity(n);
     run(rows, noise, loadings, inflation, |row, step, p| {
         if row.is_first {
-            mean = [0.0; PROCESSES];
+            mean = [0.0; STATES];
         }
-        let mut expected = 0.0;
-        for (mean, (keep, loading)) in mean.iter_mut().zip(step.keep.iter().zip(step.loading)) {
-            *mean *= keep;
-            expected += loading * *mean;
-        }
-        let of_fluctuation = mean[FLUCTUATION];
+        step.transition.apply(&mut mean);
+        let expected = step.loading.times(&mean);
+        let of_fluctuation = mean[FLUCTUATION_SHOWN];
         let mut scaled = 0.0;
         if step.inverse_sd > 0.0 {
             let innovation = misfit[row.index] - expected;
@@ -304,23 +379,19 @@ pub(crate) fn smoothed_fluctuation(
             }
             scaled = innovation * step.inverse_sd * step.inverse_sd;
         }
-        filtered.push((step, of_fluctuation, p[FLUCTUATION], scaled));
+        filtered.push((step, of_fluctuation, p[FLUCTUATION_SHOWN], scaled));
     });
     let mut out = vec![0.0; n];
     for range in rows.series() {
-        let mut later = [0.0; PROCESSES];
+        let mut later = [0.0; STATES];
         for index in range.clone().rev() {
             let (step, mean, covariance, scaled) = &filtered[index];
             let told: f64 = step.gain.iter().zip(&later).map(|(g, r)| g * r).sum();
-            for (r, loading) in later.iter_mut().zip(step.loading) {
-                *r += loading * (scaled - told);
-            }
+            step.loading.add_to(&mut later, scaled - told);
             let by: f64 = covariance.iter().zip(&later).map(|(c, r)| c * r).sum();
             let left = left_of_means(noise.fluctuation_s, rows.averaging_s(index));
             out[index] = left * (mean + by);
-            for (r, keep) in later.iter_mut().zip(step.keep) {
-                *r *= keep;
-            }
+            step.transition.apply_back(&mut later);
         }
     }
     out
@@ -332,44 +403,54 @@ fn run(
     noise: &Noise,
     loadings: &Loadings,
     inflation: &[f64],
-    mut each: impl FnMut(At, Step, &[[f64; PROCESSES]; PROCESSES]),
+    mut each: impl FnMut(At, Step, &[[f64; STATES]; STATES]),
 ) {
-    let size_sq = noise.sizes().map(|s| s * s);
-    let memories_s = noise.memories_s();
     for range in rows.series() {
-        let mut covariance = Covariance::stationary(size_sq);
-        // What lasts of each process from row to row, and what is left of it in a mean; computed where they change.
-        let (mut keep, mut left) = ([1.0; PROCESSES], [1.0; PROCESSES]);
-        let (mut last_dt, mut last_averaging_s) = (f64::NAN, 0.0);
+        let mut covariance = Covariance([[0.0; STATES]; STATES]);
+        // What lasts from row to row, what is left of each process in a mean, and the covariance of rows that know nothing
+        // of each other; computed where they change.
+        let mut transition = Transition::NONE;
+        let (mut left, mut stationary) = ([1.0; 1 + OF_AIR], Covariance([[0.0; STATES]; STATES]));
+        let (mut last_dt, mut last) = (f64::NAN, (f64::NAN, f64::NAN));
         for index in range.clone() {
             let is_first = index == range.start;
-            let averaging_s = rows.averaging_s(index);
-            let is_other_mean = averaging_s != last_averaging_s;
-            if is_other_mean {
-                left = memories_s.map(|m| left_of_means(m, averaging_s));
-                last_averaging_s = averaging_s;
+            let (averaging_s, response_s) = (rows.averaging_s(index), loadings.response_s(index));
+            let is_other = (averaging_s, response_s) != last;
+            if is_other {
+                left[0] = left_of_means(noise.slow_s, averaging_s);
+                for (left, (_, memory_s)) in left[1..].iter_mut().zip(noise.of_air()) {
+                    *left = left_of_means(memory_s, averaging_s);
+                }
+                stationary = Covariance::stationary(noise, averaging_s, response_s);
+                last = (averaging_s, response_s);
             }
-            if !is_first {
+            if is_first {
+                covariance.0 = stationary.0;
+            } else {
                 let dt = rows.time_s()[index] - rows.time_s()[index - 1];
-                if dt != last_dt || is_other_mean {
-                    keep = memories_s.map(|m| (-dt / memory_of_means_s(m, averaging_s)).exp());
+                if dt != last_dt || is_other {
+                    transition = Transition::over(dt, noise, averaging_s, response_s);
                     last_dt = dt;
                 }
-                covariance.forget(keep, size_sq);
+                covariance.forget(&transition, &stationary);
             }
-            let own = loadings.of(index);
-            let loading = std::array::from_fn(|k| own[k] * left[k]);
+            let [plume, per_degree, per_sigma_z] = loadings.of_air(index);
+            let own = [1.0, plume, per_degree, per_sigma_z];
             let mut step = Step {
-                keep: if is_first { [1.0; PROCESSES] } else { keep },
-                loading,
-                gain: [0.0; PROCESSES],
+                transition: if is_first {
+                    Transition::NONE
+                } else {
+                    transition
+                },
+                loading: Loading(std::array::from_fn(|k| own[k] * left[k])),
+                gain: [0.0; STATES],
                 inverse_sd: 0.0,
             };
             let before = covariance.0;
             if rows.is_used(index) {
                 let white = rows.stated_sd(index).unwrap_or(noise.white);
                 (step.gain, step.inverse_sd) =
-                    covariance.learn(loading, white * white * inflation[index]);
+                    covariance.learn(&step.loading, white * white * inflation[index]);
             }
             each(At { index, is_first }, step, &before);
         }
@@ -398,76 +479,89 @@ fn memory_of_means_s(memory_s: f64, averaging_s: f64) -> f64 {
     memory_s + 0.5 * averaging_s
 }
 
-/// Covariance of the processes, symmetric.
-struct Covariance([[f64; PROCESSES]; PROCESSES]);
+/// Covariance of the states, symmetric.
+#[derive(Clone, Copy)]
+struct Covariance([[f64; STATES]; STATES]);
 
 impl Covariance {
-    fn stationary(size_sq: [f64; PROCESSES]) -> Self {
-        let of = |i, j| if i == j { size_sq[i] } else { 0.0 };
-        Self(from_upper(of))
+    fn stationary(noise: &Noise, averaging_s: f64, response_s: f64) -> Self {
+        let mut p = [[0.0; STATES]; STATES];
+        p[0][0] = noise.slow * noise.slow;
+        for (k, (size, memory_s)) in noise.of_air().into_iter().enumerate() {
+            let (air, seen) = (1 + 2 * k, 2 + 2 * k);
+            let part = shown_part(memory_of_means_s(memory_s, averaging_s), response_s);
+            p[air][air] = size * size;
+            p[seen][seen] = part * size * size;
+            (p[air][seen], p[seen][air]) = (p[seen][seen], p[seen][seen]);
+        }
+        Self(p)
     }
 
-    fn forget(&mut self, keep: [f64; PROCESSES], size_sq: [f64; PROCESSES]) {
-        let p = &self.0;
-        self.0 = from_upper(|i, j| {
-            let kept = keep[i] * keep[j];
-            let anew = if i == j {
-                (1.0 - kept) * size_sq[i]
-            } else {
-                0.0
-            };
-            kept * p[i][j] + anew
-        });
+    /// What is known one row later: what lasts, and of what does not what is known of any row.
+    fn forget(&mut self, transition: &Transition, stationary: &Self) {
+        let mut known = self.0;
+        for (known, stationary) in known.iter_mut().zip(&stationary.0) {
+            for (known, stationary) in known.iter_mut().zip(stationary) {
+                *known -= stationary;
+            }
+        }
+        known.iter_mut().for_each(|row| transition.apply(row));
+        let mut columns = transposed(&known);
+        columns
+            .iter_mut()
+            .for_each(|column| transition.apply(column));
+        for (i, row) in self.0.iter_mut().enumerate() {
+            for (j, p) in row.iter_mut().enumerate() {
+                *p = columns[i][j] + stationary.0[i][j];
+            }
+        }
     }
 
     /// Takes in a row with white variance `own`: gain and inverse standard deviation of its innovation.
-    fn learn(&mut self, h: [f64; PROCESSES], own: f64) -> ([f64; PROCESSES], f64) {
-        let p = &self.0;
-        let ph: [f64; PROCESSES] = std::array::from_fn(|i| dot(p[i], h));
-        let variance = dot(h, ph) + own;
+    fn learn(&mut self, loading: &Loading, own: f64) -> ([f64; STATES], f64) {
+        let ph: [f64; STATES] = std::array::from_fn(|i| loading.times(&self.0[i]));
+        let variance = loading.times(&ph) + own;
         let gain = ph.map(|v| v / variance);
-        self.0 = from_upper(|i, j| p[i][j] - gain[i] * ph[j]);
+        for (row, gain) in self.0.iter_mut().zip(gain) {
+            for (p, ph) in row.iter_mut().zip(ph) {
+                *p -= gain * ph;
+            }
+        }
         (gain, 1.0 / variance.sqrt())
     }
 }
 
 #[inline]
-fn dot(a: [f64; PROCESSES], b: [f64; PROCESSES]) -> f64 {
-    let mut sum = 0.0;
-    for k in 0..PROCESSES {
-        sum += a[k] * b[k];
-    }
-    sum
-}
-
-/// A symmetric matrix of its upper triangle.
-#[inline]
-fn from_upper(of: impl Fn(usize, usize) -> f64) -> [[f64; PROCESSES]; PROCESSES] {
-    std::array::from_fn(|i| std::array::from_fn(|j| of(i.min(j), i.max(j))))
+fn transposed(of: &[[f64; STATES]; STATES]) -> [[f64; STATES]; STATES] {
+    std::array::from_fn(|i| std::array::from_fn(|j| of[j][i]))
 }
 
 /// The filter's means for all columns at once.
 #[multiversion(targets("x86_64+avx512f+avx512dq+avx512vl", "x86_64+avx2"))]
 fn whiten_part(matrix: &mut [f64], steps: &[Step], means: &mut Means) {
-    let [slow, fluctuation, wander, height] = &mut means.0;
-    for (row, s) in matrix.chunks_exact_mut(slow.len()).zip(steps) {
-        let states = slow.iter_mut().zip(&mut *fluctuation);
-        let states = states.zip(wander.iter_mut().zip(&mut *height));
-        for (value, ((slow, fluctuation), (wander, height))) in row.iter_mut().zip(states) {
-            *slow *= s.keep[SLOW];
-            *fluctuation *= s.keep[FLUCTUATION];
-            *wander *= s.keep[WANDER];
-            *height *= s.keep[HEIGHT];
-            let expected = s.loading[SLOW] * *slow
-                + s.loading[FLUCTUATION] * *fluctuation
-                + s.loading[WANDER] * *wander
-                + s.loading[HEIGHT] * *height;
-            let innovation = *value - expected;
-            *slow += s.gain[SLOW] * innovation;
-            *fluctuation += s.gain[FLUCTUATION] * innovation;
-            *wander += s.gain[WANDER] * innovation;
-            *height += s.gain[HEIGHT] * innovation;
-            *value = innovation * s.inverse_sd;
+    let n = means.0[0].len();
+    let [slow, air1, seen1, air2, seen2, air3, seen3] = means.0.each_mut().map(|m| &mut m[..n]);
+    for (row, s) in matrix.chunks_exact_mut(n).zip(steps) {
+        let [t1, t2, t3] = s.transition.of_air;
+        let h = s.loading.0;
+        for k in 0..n {
+            slow[k] *= s.transition.slow;
+            seen1[k] = t1.1 * seen1[k] + t1.2 * air1[k];
+            seen2[k] = t2.1 * seen2[k] + t2.2 * air2[k];
+            seen3[k] = t3.1 * seen3[k] + t3.2 * air3[k];
+            air1[k] *= t1.0;
+            air2[k] *= t2.0;
+            air3[k] *= t3.0;
+            let expected = h[0] * slow[k] + h[1] * seen1[k] + h[2] * seen2[k] + h[3] * seen3[k];
+            let innovation = row[k] - expected;
+            slow[k] += s.gain[0] * innovation;
+            air1[k] += s.gain[1] * innovation;
+            seen1[k] += s.gain[2] * innovation;
+            air2[k] += s.gain[3] * innovation;
+            seen2[k] += s.gain[4] * innovation;
+            air3[k] += s.gain[5] * innovation;
+            seen3[k] += s.gain[6] * innovation;
+            row[k] = innovation * s.inverse_sd;
         }
     }
 }
@@ -507,8 +601,27 @@ mod tests {
             plume: vec![0.0, 10.0, 40.0, 30.0, 0.5, 0.0, 20.0, 3.0],
             per_degree: vec![0.0, 4.0, 1.0, -6.0, -0.2, 0.0, -8.0, 1.0],
             per_sigma_z: vec![0.0, 6.0, -20.0, 9.0, 0.1, 0.0, -5.0, 2.0],
+            response_s: vec![4.0, 4.0, 4.0, 4.0, 4.0, 0.0, 0.0, 0.0],
         };
         (rows.unwrap(), loadings, misfit.to_vec())
+    }
+
+    /// Covariance of what a sensor of a response time shows of a process of the air at two times: two exponentials.
+    fn shown(
+        loadings: &Loadings,
+        (i, j): (usize, usize),
+        size: f64,
+        memory_s: f64,
+        dt_s: f64,
+    ) -> f64 {
+        let response_s = loadings.response_s(i);
+        assert_eq!(response_s, loadings.response_s(j));
+        let apart = memory_s * memory_s - response_s * response_s;
+        let mut sum = memory_s * (-dt_s / memory_s).exp();
+        if response_s > 0.0 {
+            sum -= response_s * (-dt_s / response_s).exp();
+        }
+        size * size * memory_s / apart * sum
     }
 
     /// The same process as a covariance matrix, written out from its definition, and a normal density
@@ -527,14 +640,15 @@ mod tests {
                 } else {
                     0.0
                 };
+                let of_air = |size: f64, memory_s: f64| shown(loadings, (i, j), size, memory_s, dt);
                 own + part(NOISE.slow, NOISE.slow_s)
-                    + part(NOISE.fluctuation, NOISE.fluctuation_s)
+                    + of_air(NOISE.fluctuation, NOISE.fluctuation_s)
                         * loadings.plume[i]
                         * loadings.plume[j]
-                    + part(NOISE.wander_deg, NOISE.wander_s)
+                    + of_air(NOISE.wander_deg, NOISE.wander_s)
                         * loadings.per_degree[i]
                         * loadings.per_degree[j]
-                    + part(NOISE.wander_sigma_z, NOISE.wander_s)
+                    + of_air(NOISE.wander_sigma_z, NOISE.wander_s)
                         * loadings.per_sigma_z[i]
                         * loadings.per_sigma_z[j]
             });
@@ -582,16 +696,20 @@ mod tests {
                 let dt_s = (rows.time_s()[i] - rows.time_s()[j]).abs();
                 size * size * (-dt_s / memory_s).exp()
             };
-            let fluctuation = |i, j| part(NOISE.fluctuation, NOISE.fluctuation_s, i, j);
+            let of_air = |size: f64, memory_s: f64, i: usize, j: usize| {
+                let dt_s = (rows.time_s()[i] - rows.time_s()[j]).abs();
+                shown(&loadings, (i, j), size, memory_s, dt_s)
+            };
+            let fluctuation = |i, j| of_air(NOISE.fluctuation, NOISE.fluctuation_s, i, j);
             let covariance = DMatrix::from_fn(used.len(), used.len(), |a, b| {
                 let (i, j) = (used[a], used[b]);
                 let white = rows.stated_sd(i).unwrap_or(NOISE.white);
                 part(NOISE.slow, NOISE.slow_s, i, j)
                     + fluctuation(i, j) * loadings.plume[i] * loadings.plume[j]
-                    + part(NOISE.wander_deg, NOISE.wander_s, i, j)
+                    + of_air(NOISE.wander_deg, NOISE.wander_s, i, j)
                         * loadings.per_degree[i]
                         * loadings.per_degree[j]
-                    + part(NOISE.wander_sigma_z, NOISE.wander_s, i, j)
+                    + of_air(NOISE.wander_sigma_z, NOISE.wander_s, i, j)
                         * loadings.per_sigma_z[i]
                         * loadings.per_sigma_z[j]
                     + if a == b { white * white } else { 0.0 }
@@ -618,20 +736,26 @@ mod tests {
         let (short, shorter) = (left_of_means(5.0, 5.1e-4), left_of_means(5.0, 4.9e-4));
         assert!(short < shorter && shorter - short < 1e-5);
         // The processes have that much less of it, the white noise has not.
-        let (rows, loadings, _) = rows_and_loadings();
-        let sizes = NOISE.sizes();
-        let of = |averaging_s: f64| {
+        let (rows, mut loadings, _) = rows_and_loadings();
+        loadings.response_s.clear();
+        let first = |averaging_s: f64| {
             let rows = rows.clone().averaged_over(vec![averaging_s; 8]).unwrap();
             let whitener = Whitener::new(&rows, &NOISE, &loadings, &[1.0; 8]);
             whitener.innovation_sd(0).powi(2) - NOISE.white.powi(2)
         };
-        let process = |k: usize, averaging_s: f64| {
-            (sizes[k] * loadings.of(0)[k] * left_of_means(NOISE.memories_s()[k], averaging_s))
-                .powi(2)
-        };
+        let [plume, per_degree, per_sigma_z] = loadings.of_air(0);
+        let parts = [
+            (NOISE.slow, NOISE.slow_s),
+            (NOISE.fluctuation * plume, NOISE.fluctuation_s),
+            (NOISE.wander_deg * per_degree, NOISE.wander_s),
+            (NOISE.wander_sigma_z * per_sigma_z, NOISE.wander_s),
+        ];
         for averaging_s in [0.0, 60.0] {
-            let expected: f64 = (0..PROCESSES).map(|k| process(k, averaging_s)).sum();
-            assert!((of(averaging_s) - expected).abs() < 1e-12 + 1e-9 * expected);
+            let part = |(size, memory_s): &(f64, f64)| {
+                (size * left_of_means(*memory_s, averaging_s)).powi(2)
+            };
+            let expected: f64 = parts.iter().map(part).sum();
+            assert!((first(averaging_s) - expected).abs() < 1e-12 + 1e-9 * expected);
         }
     }
 

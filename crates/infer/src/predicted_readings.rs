@@ -191,6 +191,10 @@ impl<M: ForwardModel> ForwardModel for Moved<'_, M> {
             .predict_raised(&self.believed.moved(at), turn_deg, by_m)
     }
 
+    fn response_s(&self, at: &[f64]) -> Result<Vec<f64>, InferError> {
+        self.model.response_s(&self.believed.moved(at))
+    }
+
     fn places(&self, at: &[f64]) -> Result<Vec<PlumePlace>, InferError> {
         self.model.places(&self.believed.moved(at))
     }
@@ -282,6 +286,7 @@ mod tests {
             plume: vec![0.0; ROWS],
             per_degree: vec![0.0; ROWS],
             per_sigma_z: vec![0.0; ROWS],
+            response_s: Vec::new(),
         };
         let ahead = PredictedReadings {
             question: Question {

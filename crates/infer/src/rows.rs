@@ -216,6 +216,15 @@ pub trait ForwardModel: Sync {
         0.0
     }
 
+    /// Response time of each row's sensor, s: the time constant of its lag, under the unknowns `at`. Empty where all
+    /// show the air at once.
+    ///
+    /// # Errors
+    /// Values that the model refuses.
+    fn response_s(&self, _at: &[f64]) -> Result<Vec<f64>, InferError> {
+        Ok(Vec::new())
+    }
+
     /// Height of the sensor at a row, m above ground; the same at all rows where heights are not known.
     fn height_agl_m(&self, _row: usize) -> f64 {
         0.0

@@ -559,6 +559,17 @@ impl ForwardModel for PlumeModel<'_> {
         self.predict(&raised, turn_deg).map(Some)
     }
 
+    fn response_s(&self, at: &[f64]) -> Result<Vec<f64>, InferError> {
+        let world = self.world(at)?;
+        let spec = world.spec();
+        let mut out = vec![0.0; self.track.len()];
+        for (range, platform) in self.track.ranges().iter().zip(self.track.platforms()) {
+            let effects = spec.sensor.effects(&spec.mechanisms, platform);
+            out[range.clone()].fill(effects.lags_s.iter().sum());
+        }
+        Ok(out)
+    }
+
     fn height_agl_m(&self, row: usize) -> f64 {
         self.track.place(row).height_agl_m
     }

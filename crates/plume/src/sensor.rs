@@ -68,6 +68,11 @@ impl SensorSpec {
         Ok(())
     }
 
+    /// Response time of a platform's sensor, s: the sum of its lags of first order.
+    pub fn response_s(&self, mechanisms: &[Mechanism], platform: &str) -> f64 {
+        self.effects(mechanisms, platform).lags_s.iter().sum()
+    }
+
     /// This sensor and the mechanisms that apply to `platform` as one joint effect.
     pub(crate) fn effects(&self, mechanisms: &[Mechanism], platform: &str) -> SensorEffects {
         let mut own = SensorEffects::none();

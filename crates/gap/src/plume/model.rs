@@ -564,8 +564,7 @@ impl ForwardModel for PlumeModel<'_> {
         let spec = world.spec();
         let mut out = vec![0.0; self.track.len()];
         for (range, platform) in self.track.ranges().iter().zip(self.track.platforms()) {
-            let effects = spec.sensor.effects(&spec.mechanisms, platform);
-            out[range.clone()].fill(effects.lags_s.iter().sum());
+            out[range.clone()].fill(spec.sensor.response_s(&spec.mechanisms, platform));
         }
         Ok(out)
     }

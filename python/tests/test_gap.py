@@ -129,6 +129,6 @@ def test_rates_and_plans_are_frames():
     forecast = plumage.plan(short, missions=2, progress=lambda part, doing: told.append(part))
     assert told == [0.5, 1.0] and forecast["missions"] == 2
     expected = forecast.to_pandas()
-    assert list(expected.columns) == ["name", "sd", "error", "unit"] and "peak" in set(expected["name"])
+    assert list(expected.columns) == ["name", "sd", "error", "unit"] and "axis (towards)" in set(expected["name"])
     with pytest.raises(plumage.InputError, match="expected 1 to 1000"):
         plumage.plan(short, missions=0)

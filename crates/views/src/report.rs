@@ -337,7 +337,7 @@ impl Report {
         let head = [
             "vehicle",
             "kind",
-            "way, km",
+            "distance, km",
             &highest,
             "measured at",
             "height AGL, m",
@@ -481,7 +481,7 @@ impl Report {
             let keep_out_m = self.site.keep_out_radius_m;
             let near = if keep_out_m > 0.0 {
                 format!(
-                    " Set-points keep {SETPOINT_MARGIN_M:.0} m from the keep-out cylinder of {keep_out_m:.0} \
+                    " Setpoints keep {SETPOINT_MARGIN_M:.0} m from the keep-out cylinder of {keep_out_m:.0} \
                          m. Nearer the source the concentration on the axis is higher, but no vehicle may fly \
                          there."
                 )

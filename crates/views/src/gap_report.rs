@@ -268,7 +268,7 @@ fn worth(json: &GapJson) -> String {
                 });
                 let effects: Vec<String> = effects.map(|e| e.trim_end().to_owned()).collect();
                 format!(
-                    "They would have shown effects from these sizes on: {}. The last table lists all; smaller effects \
+                    "These data would have shown effects from these sizes on: {}. The last table lists all; smaller effects \
                      are not excluded.",
                     effects.join(", ")
                 )

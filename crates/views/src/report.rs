@@ -282,14 +282,17 @@ impl Report {
         page.table(&caption, &head, &rows);
     }
 
-    /// Colours of readings that reach as far as these, or the peak where single puffs are beyond it.
+    /// Colours that reach as far as the peak and the readings of each vehicle, but for one that stands alone: a puff that
+    /// one vehicle read, or a peak that nobody did.
     fn shown(&self, summary: &MissionSummary) -> Shown {
         let read = summary.vehicles.iter().filter_map(|v| v.peak_ppm);
-        let highest = read.fold(f64::NEG_INFINITY, f64::max);
         let peak = summary.peak.estimate.as_ref().map(|p| p.co2_ppm);
+        let mut highest: Vec<f64> = read.chain(peak).collect();
+        highest.sort_by(|a, b| b.total_cmp(a));
+        let reach = highest.get(1).or(highest.first());
         self.site
             .shown
-            .reaching(peak.map_or(highest, |p| p.min(highest)))
+            .reaching(reach.copied().unwrap_or(f64::NEG_INFINITY))
     }
 
     fn mission(&self, page: &mut Document, summary: &MissionSummary) {

@@ -130,7 +130,7 @@ fn flux_states_a_rate_with_a_sheet_and_combines_visits() {
     assert!(output.status.success(), "{told}");
     let told = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(
-        told.contains("vent emits") && told.contains("by point"),
+        told.contains("vent emits") && told.contains("by one sensor at rest"),
         "{told}"
     );
     let a = json("a");
@@ -180,6 +180,8 @@ fn flux_states_a_rate_with_a_sheet_and_combines_visits() {
         String::from_utf8_lossy(&output.stderr)
     );
     let site = json("site");
+    let page = std::fs::read_to_string(out.join("site/report.html")).unwrap();
+    assert!(page.contains("in the mean of 2 visits"));
     assert_eq!(site["sources"][0]["method"], "combined");
     let mean = site["sources"][0]["kg_s"]["value"].as_f64().unwrap();
     assert!(

@@ -34,7 +34,8 @@ fn origin() -> Origin {
     let now = SystemTime::now().duration_since(UNIX_EPOCH);
     Origin {
         version: env!("CARGO_PKG_VERSION").to_owned(),
-        made: rfc_3339(now.map_or(0, |now| now.as_secs() as i64 * 1_000_000_000)),
+        made: rfc_3339(now.map_or(0, |now| now.as_secs() as i64 * 1_000_000_000))
+            .replace(".000Z", "Z"),
         command: command.join(" "),
         inputs: words.iter().filter_map(input).collect(),
     }

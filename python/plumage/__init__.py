@@ -10,12 +10,11 @@ the wind blows, ``_ppm`` a mole fraction in parts per million.
 64
 """
 
-from ._gap import Calibration, Finding, calibrate, gap_flight, gap_plume, gap_tracer
+from ._gap import Calibration, Finding, Flux, Forecast, calibrate, flux, gap_flight, gap_plume, gap_tracer, plan
 from ._mission import Mission, read_recording, run
 from ._plume import Plume
 from ._plumage import VERSION as __version__
-from ._plumage import Aircraft, Flight, InputError, RunError
-from ._scenario import Scenario
+from ._plumage import Aircraft, Flight, InputError, RunError, Scenario
 from ._table import Table
 
 __all__ = [
@@ -23,6 +22,8 @@ __all__ = [
     "Calibration",
     "Finding",
     "Flight",
+    "Flux",
+    "Forecast",
     "InputError",
     "Mission",
     "Plume",
@@ -31,9 +32,11 @@ __all__ = [
     "Table",
     "__version__",
     "calibrate",
+    "flux",
     "gap_flight",
     "gap_plume",
     "gap_tracer",
+    "plan",
     "read_recording",
     "run",
 ]

@@ -1,4 +1,4 @@
-"""Reality gap and calibration."""
+"""Reality gap, calibration, emission rates and plans."""
 
 from __future__ import annotations
 
@@ -64,6 +64,36 @@ class Calibration(dict[str, Any]):
         known = {name: told for name, told in self.items() if isinstance(told, Mapping) and {"value", "sd"} <= told.keys()}
         rows = [{"name": name, "value": told["value"], "sd": told["sd"]} for name, told in known.items()]
         return pandas.DataFrame(rows, columns=["name", "value", "sd"])
+
+
+class Flux(dict[str, Any]):
+    """Result of an estimate of emission rates: ``flux.json``."""
+
+    #: What was noticed in the data.
+    notices: list[str]
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return the estimates as a pandas DataFrame, the headline of each source first; needs pandas."""
+        import pandas
+
+        estimates = [one for source in self["sources"] for one in (source, *source["alternatives"])]
+        rows = [
+            {key: one[key] for key in ("name", "gas", "method", "upper_limit_kg_s")}
+            | {f"{key}_kg_s": value for key, value in (one["kg_s"] or {}).items()}
+            for one in estimates
+        ]
+        rates = ["value_kg_s", "sd_kg_s", "low95_kg_s", "high95_kg_s", "upper_limit_kg_s"]
+        return pandas.DataFrame(rows).reindex(columns=["name", "gas", "method", *rates])
+
+
+class Forecast(dict[str, Any]):
+    """Result of a plan: ``plan.json``."""
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return the expected uncertainties, a row for each number, as a pandas DataFrame; needs pandas."""
+        import pandas
+
+        return pandas.DataFrame(self["expected"], columns=["name", "sd", "error", "unit"])
 
 
 def gap_plume(
@@ -145,6 +175,37 @@ def calibrate(
     calibration = Calibration(told)
     calibration.scenario, calibration.notices = corrected, notices
     return calibration
+
+
+def flux(
+    observations: Measured | Sequence[Measured],
+    scenario: ScenarioLike,
+    *,
+    gas: str | None = None,
+    method: str = "auto",
+    tracer: tuple[str, float] | None = None,
+) -> Flux:
+    """Estimate the emission rate of a scenario's source from readings, like ``plumage flux``.
+
+    method: ``auto``, ``curtain``, ``point``, ``network`` or ``inversion``.
+    tracer: gas that is released beside the source and its rate, kg/s; its readings stand in the same tables.
+    """
+    known = scenario_of(scenario).changed(gas=gas)
+    sources = [_source(one, "observations") for one in _listed(observations)]
+    told, notices = _plumage.flux(sources, known, method, tracer)
+    rates = Flux(told)
+    rates.notices = notices
+    return rates
+
+
+def plan(scenario: ScenarioLike, *, missions: int = 6, progress: Progress | None = None) -> Forecast:
+    """Predict what a mission would detect, and with what uncertainty, like ``plumage plan``.
+
+    missions: number of realities to draw from ``[uncertain]`` and fly, 1 to 1000.
+    """
+    if not 1 <= missions <= 1000:
+        raise InputError(f"missions {missions}: expected 1 to 1000")
+    return Forecast(_plumage.plan(scenario_of(scenario), missions, progress))
 
 
 def _finding(told: dict[str, Any], extended: Scenario | Aircraft | str, notices: list[str]) -> Finding:

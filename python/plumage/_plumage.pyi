@@ -154,6 +154,13 @@ def calibrate(
     sources: list[_Source], scenario: Scenario, reference: str | None
 ) -> tuple[dict[str, Any], Scenario, list[str]]: ...
 
+def flux(
+    sources: list[_Source], scenario: Scenario, method: str, tracer: tuple[str, float] | None
+) -> tuple[dict[str, Any], list[str]]: ...
+def plan(
+    scenario: Scenario, missions: int, progress: Callable[[float, str], object] | None
+) -> dict[str, Any]: ...
+
 class Searches:
     OBSERVED: int
     ACTED: int

@@ -47,8 +47,8 @@ class Plume:
             raise InputError(
                 f"out: {out.dtype} of shape {out.shape}; expected a contiguous float64 array of shape {shape}"
             )
-        flat = (np.ascontiguousarray(c).reshape(-1) for c in columns)
-        self._plume.fill_ppm(*flat, time_s, out.reshape(-1))
+        east, north, height = (np.ascontiguousarray(c).reshape(-1) for c in columns)
+        self._plume.fill_ppm(east, north, height, time_s, out.reshape(-1))
         return out
 
     def ppm_at(

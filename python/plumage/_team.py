@@ -14,7 +14,7 @@ from ._plumage import Searches
 from .gym import _SEEDS, _action_space, _observation_space
 
 
-class TeamEnv(ParallelEnv):
+class TeamEnv(ParallelEnv):  # type: ignore[misc]
     """Team that searches for one plume."""
 
     metadata = {"name": "plumage_search_v0", "render_modes": [], "is_parallelizable": True}

@@ -1,17 +1,21 @@
-//! The reality gap and calibration.
+//! The reality gap, calibration, emission rates and plans.
 
 use crate::convert;
 use crate::error;
 use crate::flight::Aircraft;
+use crate::mission::LOOK_UP;
 use crate::scenario::Scenario;
 use ::gap::applied::Earlier;
 use ::gap::flight::log::FlightLog;
 use ::gap::tracer::{self, table::Tables};
+use plume::Gas;
 use pyo3::prelude::*;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use tasks::flux::{Input, Method, Tracer};
 use tasks::gap::Question;
 use tasks::measured::{self, Text};
-use tasks::{TaskError, calibration};
+use tasks::{TaskError, calibration, flights, flux as rates};
 
 /// Something measured: a file, or a text of some name.
 #[derive(FromPyObject)]
@@ -187,4 +191,98 @@ pub(crate) fn calibrate<'py>(
     let (found, notices) = found.map_err(error::of_task)?;
     let corrected = scenario.with(&found.offline.scenario)?;
     Ok((convert::json(py, &found.json)?, corrected, notices))
+}
+
+/// An emission rate; with a gas that is released beside the source and its rate in kg/s.
+#[pyfunction]
+pub(crate) fn flux<'py>(
+    py: Python<'py>,
+    sources: Vec<Source>,
+    scenario: &Scenario,
+    method: &str,
+    tracer: Option<(String, f64)>,
+) -> PyResult<(Answer<'py>, Vec<String>)> {
+    let texts = texts(sources)?;
+    let named = Method::ALL.into_iter().find(|m| m.name() == method);
+    let methods = match (method, named) {
+        ("auto", _) => Method::ALL.to_vec(),
+        (_, Some(one)) => vec![one],
+        (other, None) => {
+            let expected = "expected auto, curtain, point, network or inversion";
+            return Err(error::InputError::new_err(format!(
+                "method '{other}': {expected}"
+            )));
+        }
+    };
+    let tracer = tracer
+        .map(|(name, kg_s)| Ok::<_, PyErr>((crate::scenario::gas(Some(&name))?, kg_s)))
+        .transpose()?;
+    let found = py.detach(|| -> Result<_, TaskError> {
+        let prepared = |gas: Gas| -> Result<_, TaskError> {
+            let mut observations = measured::of_texts(&texts, gas)?;
+            let setup = scenario.setup.clone();
+            let setup = measured::weather_over(setup, &mut observations, recorded(&texts))?;
+            Ok((setup, observations))
+        };
+        let of_tracer = |(gas, kg_s): (Option<Gas>, f64)| {
+            let (_, observations) = prepared(gas.unwrap_or_default())?;
+            Ok::<_, TaskError>(Tracer { observations, kg_s })
+        };
+        let tracer = tracer.map(of_tracer).transpose()?;
+        let (setup, mut observations) = prepared(scenario.setup.scenario.gas())?;
+        measured::fill_wind(&mut observations, &setup)?;
+        let inputs = texts
+            .iter()
+            .map(|t| Input::new(t.name.clone(), t.text.as_bytes()));
+        let report = rates::of(
+            &setup,
+            &observations,
+            &methods,
+            tracer.as_ref(),
+            inputs.collect(),
+        )?;
+        Ok((report, observations.notices))
+    });
+    let (report, notices) = found.map_err(error::of_task)?;
+    Ok((convert::json(py, &report.json)?, notices))
+}
+
+/// What missions of a scenario would find.
+#[pyfunction]
+pub(crate) fn plan<'py>(
+    py: Python<'py>,
+    scenario: &Scenario,
+    missions: u64,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Answer<'py>> {
+    let setup = &scenario.setup;
+    let (count, stop) = (AtomicU64::new(0), AtomicBool::new(false));
+    let flown = || {
+        let count = 1 + count.fetch_add(1, Ordering::Relaxed);
+        tell(progress.as_ref(), count as f64 / missions as f64, "flying");
+    };
+    let fly_all = || -> Result<_, TaskError> {
+        tasks::preflight::check(setup)?;
+        let fly = |number| Ok(mission::plan::fly(setup, number)?);
+        flights::fly_all(missions, fly, flown, || stop.load(Ordering::Relaxed))
+    };
+    // Python hears of interrupts on this thread alone.
+    let (flights, interrupt) = py.detach(|| {
+        std::thread::scope(|scope| {
+            let flying = scope.spawn(fly_all);
+            let mut interrupt = Ok(());
+            while !flying.is_finished() {
+                std::thread::sleep(LOOK_UP);
+                if interrupt.is_ok() {
+                    interrupt = Python::attach(|py| py.check_signals());
+                    stop.store(interrupt.is_err(), Ordering::Relaxed);
+                }
+            }
+            (flying.join(), interrupt)
+        })
+    });
+    interrupt?;
+    let flights = flights.unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+    let forecast = mission::plan::forecast(&flights.map_err(error::of_task)?);
+    convert::said(py, serde_json::to_string(&forecast))
 }

@@ -23,7 +23,7 @@ mod _plumage {
     #[pymodule_export]
     use crate::flight::{Aircraft, Flight};
     #[pymodule_export]
-    use crate::gap::{calibrate, gap_flight, gap_plume, gap_tracer};
+    use crate::gap::{calibrate, flux, gap_flight, gap_plume, gap_tracer, plan};
     #[pymodule_export]
     use crate::gym::Searches;
     #[pymodule_export]

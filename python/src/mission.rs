@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 use tasks::{TaskError, mission_record, preflight, scenario_files};
 
 /// Python is asked for interrupts, and told of progress, this often.
-const LOOK_UP: Duration = Duration::from_millis(50);
+pub(crate) const LOOK_UP: Duration = Duration::from_millis(50);
 
 /// What a mission left.
 #[pyclass(frozen, module = "plumage._plumage")]

@@ -111,3 +111,24 @@ def test_a_tracer_experiment_is_analysed_as_by_the_command(command, tmp_path):
     said(command, "gap", "tracer", "--receptors", receptors, "--trials", trials, "--out", tmp_path / "out")
     assert found == json.loads((tmp_path / "out" / "gap.json").read_text())
     assert found.extended == (tmp_path / "out" / "extended.toml").read_text()
+
+
+def test_rates_and_plans_are_frames():
+    # Three passes at one height give no curtain: the inversion of the plume integrals stays.
+    rates = plumage.flux(weaving(0.0), MODEL)
+    frame = rates.to_pandas()
+    assert list(frame.columns)[:3] == ["name", "gas", "method"] and len(frame) >= 1
+    row = frame.iloc[0]
+    assert row["low95_kg_s"] < row["value_kg_s"] < row["high95_kg_s"]
+    assert plumage.flux(weaving(0.0), MODEL, method="inversion")["sources"][0]["method"] == "inversion"
+    with pytest.raises(plumage.InputError, match="expected auto, curtain"):
+        plumage.flux(weaving(0.0), MODEL, method="guess")
+
+    told = []
+    short = plumage.Scenario(CLONE / "scenarios" / "as-pontes-steady.toml").changed(duration_s=600.0)
+    forecast = plumage.plan(short, missions=2, progress=lambda part, doing: told.append(part))
+    assert told == [0.5, 1.0] and forecast["missions"] == 2
+    expected = forecast.to_pandas()
+    assert list(expected.columns) == ["name", "sd", "error", "unit"] and "axis (towards)" in set(expected["name"])
+    with pytest.raises(plumage.InputError, match="expected 1 to 1000"):
+        plumage.plan(short, missions=0)

@@ -150,3 +150,29 @@ def test_wrong_settings_are_refused():
             SearchEnv(**wrong)
     with pytest.raises(plumage.InputError, match="expected 1 to 16"):
         parallel_env(agents=0)
+
+
+def test_stable_baselines3_learns_from_many_side_by_side():
+    stable_baselines3 = pytest.importorskip("stable_baselines3")
+    from stable_baselines3.common.vec_env import VecMonitor
+
+    from plumage.sb3 import SearchVecEnv
+
+    searches = SearchVecEnv(4, step_s=5.0, duration_s=50.0)
+    searches.seed(7)
+    first = searches.reset()
+    searches.seed(7)
+    assert np.array_equal(first, searches.reset()) and first.dtype == np.float32
+    assert not np.array_equal(first, searches.reset())
+    # An episode that time ends is no failure to learn from, and its last observation is not that of the next.
+    ends = []
+    for _ in range(12):
+        seen, _, over, infos = searches.step(np.zeros((4, 3), np.float32))
+        ends += [(info, seen[k]) for k, info in enumerate(infos) if over[k]]
+    assert ends and all(not np.array_equal(info["terminal_observation"], after) for info, after in ends)
+    assert any(info["TimeLimit.truncated"] for info, _ in ends)
+    assert searches.get_attr("num_envs", [0, 2]) == [4, 4] and searches.env_is_wrapped(VecMonitor) == [False] * 4
+    learner = stable_baselines3.PPO("MlpPolicy", VecMonitor(searches), n_steps=32, batch_size=64, seed=1)
+    learner.learn(256)
+    action, _ = learner.predict(first)
+    assert action.shape == (4, 3)

@@ -163,9 +163,12 @@ fn report(before: &Scenario, calibration: &Calibration, platforms: &[String]) ->
         .collect();
     page.lead(&[
         format!(
-            "{} readings of the platforms {} corrected the scenario.",
+            "{} readings of {} corrected the scenario.",
             offline.calibrator.taken(),
-            platforms.join(", ")
+            match platforms {
+                [one] => format!("platform {one}"),
+                several => format!("the platforms {}", several.join(", ")),
+            }
         ),
         match (&calibration.emission, &calibration.peak) {
             (Some(rate), _) => format!(

@@ -2,7 +2,6 @@
 
 use crate::progress::Waiting;
 use crate::{Failure, measured, mission_files, reports};
-use formats::number::significant;
 use mission::Setup;
 use plume::Gas;
 use record::files;
@@ -41,7 +40,7 @@ struct CombineArguments {
     /// Files flux.json of the visits
     #[arg(required = true)]
     visits: Vec<PathBuf>,
-    /// Folder for flux.json
+    /// Folder for flux.json and report.html
     #[arg(long, value_name = "DIR", help_heading = "Outputs")]
     out: PathBuf,
     /// Write into a folder that is not empty, and replace earlier outputs
@@ -271,24 +270,21 @@ fn combine(arguments: &CombineArguments) -> Result<(), Failure> {
         })
         .collect::<Result<_, Failure>>()?;
     let combined = tasks::flux::combine(&visits).map_err(Failure::input)?;
+    let page = reports::html(&flux_report::combined(&combined.sources));
     write(
         &arguments.out,
         arguments.force,
-        &[("flux.json", &combined.json)],
+        &[("flux.json", &combined.json), ("report.html", &page)],
     )?;
     for source in &combined.sources {
-        let rate = source.mean.kg_s;
-        let g_s = |kg_s: f64| significant(1e3 * kg_s);
-        println!(
-            "{} emits {} g/s of {} (95 % interval {} to {}): {}",
-            source.name,
-            g_s(rate.value),
-            source.gas.formula(),
-            g_s(rate.low95),
-            g_s(rate.high95),
-            source.notes.join("; ")
-        );
+        println!("{}", flux_report::mean_sentence(source));
+        for note in &source.notes {
+            println!("  {note}");
+        }
     }
-    println!("Outputs in {}: flux.json", arguments.out.display());
+    println!(
+        "Outputs in {}: flux.json, report.html",
+        arguments.out.display()
+    );
     Ok(())
 }

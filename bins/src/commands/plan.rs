@@ -156,7 +156,7 @@ fn times(f: &Forecast) -> String {
         .known_s
         .map_or("never".to_owned(), |s| format!("after {s:.0} s"));
     format!(
-        "Time: the median mission first confirms or supports the peak {known}; its last vehicle lands after {:.0} s. \
+        "The median mission first confirms or supports the peak {known}; its last vehicle lands after {:.0} s. \
          All vehicles landed in {} of {} missions.",
         f.down_s, f.all_landed, f.missions
     )
@@ -171,11 +171,11 @@ fn report(mission: &str, f: &Forecast) -> Document {
             f.missions
         ),
         format!(
-            "An emission is detected with a probability of {:.0} %: {}.",
-            100.0 * f.chance,
-            kg_s(f.least_kg_s)
+            "An emission of {} is detected with a probability of {:.0} %.",
+            kg_s(f.least_kg_s),
+            100.0 * f.chance
         ),
-        endings(f),
+        format!("{} {}", endings(f), times(f)),
     ]);
     page.section("Detection");
     let band = |band: &Detectable| {
@@ -214,8 +214,6 @@ fn report(mission: &str, f: &Forecast) -> Document {
         &["number", "stated ±", "error ±", "unit"],
         &f.expected.iter().map(row).collect::<Vec<_>>(),
     );
-    page.section("Time");
-    page.paragraph(&times(f));
     page
 }
 
@@ -226,9 +224,9 @@ fn tell(forecast: &Forecast) {
         f.missions
     );
     println!(
-        "Emission detected with a probability of {:.0} %: {}.",
-        100.0 * f.chance,
-        kg_s(f.least_kg_s)
+        "An emission of {} is detected with a probability of {:.0} %.",
+        kg_s(f.least_kg_s),
+        100.0 * f.chance
     );
     for band in &f.detectable {
         let to = band

@@ -267,26 +267,29 @@ fn model(text: &mut String, summary: &MissionSummary, real: usize) {
         format_args!("Model against the stand-in's reality, before -> after the mission:"),
     );
     for number in &CORRECTED {
-        let truth = (number.of)(reality);
+        let truth = (number.of)(reality).value;
         let (before, after) = ((number.of)(&model.before), (number.of)(&model.after));
         line(
             text,
             format_args!(
-                "  {:<17} {:>7} -> {:>7}   reality {:>7}   error {:>7} -> {:>7} {}",
+                "  {:<17} {:>13} -> {:>17}   reality {:>6}   error {:>6} -> {:>7} {}",
                 number.name,
-                figure(number, gas, before.value),
-                figure(number, gas, after.value),
-                figure(number, gas, truth.value),
-                figure(number, gas, number.error(before.value, truth.value).abs()),
-                figure(number, gas, number.error(after.value, truth.value).abs()),
+                plus_minus(before.value, before.sd),
+                plus_minus(after.value, after.sd),
+                significant(truth),
+                error(number, before, truth),
+                error(number, after, truth),
                 number.unit_of(gas)
             ),
         );
     }
 }
 
-fn figure(number: &ModelNumber, gas: Gas, value: f64) -> String {
-    format!("{value:.*}", number.digits(gas))
+/// By how much a number is off, with the digits that its standard deviation has.
+pub fn error(number: &ModelNumber, found: Estimate, truth: f64) -> String {
+    let error = number.error(found.value, truth).abs();
+    let [error, _] = value_and_sd(error, found.sd);
+    error
 }
 
 fn without_reality(summary: &MissionSummary, real: usize) -> String {

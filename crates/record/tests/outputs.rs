@@ -113,7 +113,7 @@ fn the_summary_has_the_fields_of_its_schema() {
     let text = text::summary(&summary);
     assert!(text.contains("5 simulated and 1 real"), "{text}");
     assert!(
-        text.contains("axis (towards)      130.0 ->   118.0"),
+        text.contains("axis (towards)         130 ± 10 ->     118.02 ± 0.32"),
         "{text}"
     );
 }

@@ -1,6 +1,7 @@
 //! The mean rate of a source over several visits.
 
 use crate::{Interval, Share, Term, budget};
+use plume::Gas;
 use statrs::function::erf::erfc;
 
 /// Terms that are the same on all visits: the same instrument, the same model of the spread, the same source.
@@ -19,6 +20,21 @@ pub struct Visit {
     pub kg_s: Interval,
     /// Shares of the variance of ln rate.
     pub budget: Vec<Share>,
+}
+
+/// The mean of one source over several visits.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SourceMean {
+    /// The source.
+    pub name: String,
+    /// Its gas.
+    pub gas: Gas,
+    /// The mean.
+    pub mean: SiteMean,
+    /// Each visit with its name.
+    pub visits: Vec<(String, Visit)>,
+    /// What a reader should know.
+    pub notes: Vec<String>,
 }
 
 /// The mean over visits.

@@ -11,8 +11,9 @@ use scenario::observations::Observations;
 use scenario::uncertain::Uncertain;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
-use study::combine::{SiteMean, Visit, site_mean};
-use study::flux::{self, Conclusion, Fluxes, Method, Refusal, SourceFlux, Wind};
+use study::combine::{SourceMean, Visit, site_mean};
+pub use study::flux::Method;
+use study::flux::{self, Conclusion, Fluxes, Refusal, SourceFlux, Wind};
 use study::{Interval, Share, StudyError, Term};
 use ws::calibration::offline::{self, OfflineCalibration};
 
@@ -264,7 +265,8 @@ fn terms_of_fit(
     distance_m: f64,
 ) -> [(Term, f64); 3] {
     let all = kg_s.ln_sd().powi(2);
-    let speed = speed_ln_sd(setup, observations).powi(2).min(all);
+    let wind = reference_speed(&setup.scenario, observations);
+    let speed = (wind.sd / wind.value).powi(2).min(all);
     let sd_m = setup.scenario.sources[0].position_sd_m;
     let position = study::position::variance(sd_m, distance_m, &|displaced| {
         let moved = displaced_source(setup, displaced);
@@ -327,14 +329,31 @@ fn logged_wind(observations: &Observations) -> Option<f64> {
     (!speeds.is_empty()).then(|| speeds.iter().sum::<f64>() / n)
 }
 
-fn speed_ln_sd(setup: &Setup, observations: &Observations) -> f64 {
-    let scenario = &setup.scenario;
-    let stated = scenario.prior_sd(scenario::uncertain::Uncertain::WindSpeed);
-    let stated = stated.map(|sd| sd / scenario.weather.wind_speed_m_s);
-    match (stated, logged_wind(observations)) {
-        (_, Some(_)) => study::LOGGED_SPEED_LN_SD,
-        (Some(stated), None) => stated,
-        (None, None) => study::SCENARIO_SPEED_LN_SD,
+/// The wind's speed at the scenario's reference height: as logged, brought there by the scenario's profile, or as the
+/// scenario states it.
+fn reference_speed(scenario: &Scenario, observations: &Observations) -> Estimate {
+    let stated_m_s = scenario.weather.wind_speed_m_s;
+    let profile = scenario.wind_profile().ok();
+    let logged = observations.rows.iter().filter_map(|row| {
+        let height_agl_m = row.alt_amsl_m - scenario.site.ground_amsl_m;
+        Some((
+            row.wind_speed_m_s?,
+            profile.as_ref()?.speed_at_m_s(height_agl_m),
+        ))
+    });
+    // A ratio of sums: rows at the ground, where the profile is almost still, weigh little.
+    let [logged_m_s, expected_m_s] = logged.fold([0.0; 2], |[a, b], (c, d)| [a + c, b + d]);
+    let (value, ln_sd) = if expected_m_s > 0.0 {
+        let value = stated_m_s * logged_m_s / expected_m_s;
+        (value, study::LOGGED_SPEED_LN_SD)
+    } else {
+        let sd = scenario.prior_sd(Uncertain::WindSpeed);
+        let ln_sd = sd.map_or(study::SCENARIO_SPEED_LN_SD, |sd| sd / stated_m_s);
+        (stated_m_s, ln_sd)
+    };
+    Estimate {
+        value,
+        sd: value * ln_sd,
     }
 }
 
@@ -344,11 +363,7 @@ pub(crate) fn emission(
     observations: &Observations,
     found: &OfflineCalibration,
 ) -> Option<Interval> {
-    let reference_m_s = setup.scenario.weather.wind_speed_m_s;
-    let wind = Estimate {
-        value: reference_m_s,
-        sd: reference_m_s * speed_ln_sd(setup, observations),
-    };
+    let wind = reference_speed(&setup.scenario, observations);
     let (_, kg_s) = found.calibrator.flux(wind).into_iter().next()?;
     let is_known = kg_s.value > 0.0 && kg_s.sd > 0.0 && kg_s.sd.is_finite();
     is_known.then(|| Interval::of_mean(kg_s.value, kg_s.sd))
@@ -408,17 +423,13 @@ struct ReadSource {
     budget: Vec<Share>,
 }
 
-/// The mean of one source over several visits.
-#[derive(Debug, Clone)]
-pub struct SourceMean {
-    /// The source.
-    pub name: String,
-    /// Its gas.
-    pub gas: Gas,
-    /// The mean.
-    pub mean: SiteMean,
-    /// What a reader should know.
-    pub notes: Vec<String>,
+/// The visits to a source.
+#[derive(Default)]
+struct Visited {
+    name: String,
+    gas: Gas,
+    visits: Vec<(String, Visit)>,
+    notes: Vec<String>,
 }
 
 /// The means over visits, and the text of `flux.json`.
@@ -435,7 +446,7 @@ pub struct CombinedReport {
 /// # Errors
 /// A text that is no `flux.json`, or visits without a source in common.
 pub fn combine(files: &[(String, String)]) -> Result<CombinedReport, TaskError> {
-    let mut visits: Vec<(String, Gas, Vec<Visit>, Vec<String>)> = Vec::new();
+    let mut visited: Vec<Visited> = Vec::new();
     let mut inputs = Vec::new();
     for (file, text) in files {
         let read: Read = serde_json::from_str(text)
@@ -452,26 +463,31 @@ pub fn combine(files: &[(String, String)]) -> Result<CombinedReport, TaskError> 
             "rows": read.sources.len(),
         }));
         for source in read.sources {
-            let at = visits
+            let at = visited
                 .iter()
-                .position(|v| v.0 == source.name && v.1 == source.gas);
+                .position(|v| v.name == source.name && v.gas == source.gas);
             let at = at.unwrap_or_else(|| {
-                visits.push((source.name.clone(), source.gas, Vec::new(), Vec::new()));
-                visits.len() - 1
+                visited.push(Visited {
+                    name: source.name.clone(),
+                    gas: source.gas,
+                    ..Visited::default()
+                });
+                visited.len() - 1
             });
-            let slot = &mut visits[at];
+            let slot = &mut visited[at];
             match (source.kg_s, source.upper_limit_kg_s) {
-                (Some(kg_s), _) => slot.2.push(Visit {
-                    kg_s,
-                    budget: source.budget,
-                }),
+                (Some(kg_s), _) => {
+                    let budget = source.budget;
+                    slot.visits.push((file.clone(), Visit { kg_s, budget }));
+                }
                 (None, Some(limit)) => {
                     // A rate anywhere between nothing and the limit: its mean, and the standard deviation of a uniform quantity.
-                    slot.2.push(Visit {
+                    let visit = Visit {
                         kg_s: Interval::of_mean(0.5 * limit, limit / 12f64.sqrt()),
                         budget: Vec::new(),
-                    });
-                    slot.3.push(format!(
+                    };
+                    slot.visits.push((file.clone(), visit));
+                    slot.notes.push(format!(
                         "{file} gives an upper limit, and counts as half of it"
                     ));
                 }
@@ -479,15 +495,22 @@ pub fn combine(files: &[(String, String)]) -> Result<CombinedReport, TaskError> 
             }
         }
     }
-    let sources: Vec<SourceMean> = visits
+    let sources: Vec<SourceMean> = visited
         .into_iter()
-        .filter_map(|(name, gas, visits, mut notes)| {
-            let mean = site_mean(&visits)?;
-            notes.insert(0, format!("mean of {} visits", visits.len()));
+        .filter_map(|of| {
+            let Visited {
+                name,
+                gas,
+                visits,
+                notes,
+            } = of;
+            let rates: Vec<Visit> = visits.iter().map(|(_, visit)| visit.clone()).collect();
+            let mean = site_mean(&rates)?;
             Some(SourceMean {
                 name,
                 gas,
                 mean,
+                visits,
                 notes,
             })
         })
@@ -501,6 +524,8 @@ pub fn combine(files: &[(String, String)]) -> Result<CombinedReport, TaskError> 
     let entries: Vec<serde_json::Value> = sources
         .iter()
         .map(|s| {
+            let mut notes = vec![format!("mean of {} visits", s.visits.len())];
+            notes.extend(s.notes.iter().cloned());
             json!({
                 "name": s.name,
                 "gas": s.gas,
@@ -511,7 +536,7 @@ pub fn combine(files: &[(String, String)]) -> Result<CombinedReport, TaskError> 
                 "wind": null,
                 "stability": null,
                 "passes": [],
-                "notes": s.notes,
+                "notes": notes,
                 "alternatives": [],
                 "agreement_p": s.mean.agreement_p,
                 "refused": [],
@@ -529,4 +554,33 @@ pub fn combine(files: &[(String, String)]) -> Result<CombinedReport, TaskError> 
         sources,
         json: format!("{document:#}\n"),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_logged_wind_counts_at_the_reference_height() {
+        let scenario = "[site]\nlat_deg = 43.0\nlon_deg = -7.0\nground_amsl_m = 300.0\n[weather]\nwind_speed_m_s = 7.0\n\
+            wind_height_agl_m = 10.0\nwind_exponent = 0.15\n[[source]]\nlat_deg = 43.0\nlon_deg = -7.0\nemission_kg_s = 1.0\n";
+        let scenario = Scenario::parse("s.toml", scenario).unwrap();
+        let speed = |wind: &str| {
+            let text = format!(
+                "time_s,platform,lat_deg,lon_deg,alt_amsl_m,co2_ppm,wind_speed_m_s,wind_from_deg\n\
+                 0,a,43,-7,400,420,{wind}\n1,a,43,-7,400,420,{wind}\n"
+            );
+            let rows = scenario::observations::parse(&[("o.csv", &text)], Gas::Co2).unwrap();
+            reference_speed(&scenario, &rows)
+        };
+        // The power law: u(10 m) = u(100 m) (10 / 100)^0.15.
+        let logged = speed("5,270");
+        assert!(
+            (logged.value - 5.0 * 0.1f64.powf(0.15)).abs() < 1e-9,
+            "{logged:?}"
+        );
+        assert!((logged.sd / logged.value - 0.05).abs() < 1e-12);
+        let stated = speed(",");
+        assert!(stated.value == 7.0 && (stated.sd / 7.0 - 0.15).abs() < 1e-12);
+    }
 }

@@ -18,6 +18,7 @@
 pub mod calibration;
 pub mod campaign;
 mod extended;
+pub mod flights;
 pub mod flux;
 pub mod gap;
 pub mod loopback;

@@ -150,7 +150,8 @@ function beyond(p) {
   const said = [];
   for (const [key, scale] of [["x", p.x], ["y", p.y]]) {
     if (!p.panel[key].limits) continue;
-    const out = p.layers.flatMap(l => Array.isArray(l[key]) ? l[key] : []).filter(v => v != null && (v < scale.low || v > scale.high));
+    // A bar that is cut off has its value.
+    const out = p.layers.filter(l => l.kind !== "bars").flatMap(l => Array.isArray(l[key]) ? l[key] : []).filter(v => v != null && (v < scale.low || v > scale.high));
     if (out.length) said.push(`${out.length} beyond, to ${numberText(out.reduce((a, b) => Math.abs(b) > Math.abs(a) ? b : a), 3)}`);
   }
   return said.length ? write(said.join("; "), p.left + p.w - 6, p.top + 14, { "text-anchor": "end", "font-size": LETTER - 1, stroke: "#fff", "stroke-width": 3, "paint-order": "stroke" }) : "";

@@ -8,8 +8,8 @@ export const isHorizontal = layer => layer.kind === "bars" && layer.horizontal;
 /** All values of a layer along an axis, "x" or "y". */
 function* valuesAlong(layer, key) {
   if (layer.kind === "field") {
-    const { grid } = layer, [from, n] = key === "x" ? [grid.x, grid.columns] : [grid.y, grid.rows];
-    yield* [from, from + (n - 1) * grid.step];
+    const { grid } = layer, [from, n, step] = key === "x" ? [grid.x, grid.columns, grid.step] : [grid.y, grid.rows, grid.up ?? grid.step];
+    yield* [from, from + (n - 1) * step];
     return;
   }
   if (layer.kind === "rule") { if (layer[key] != null) yield layer[key]; return; }

@@ -91,12 +91,12 @@ export const LAYERS = {
   },
 
   field(layer, p) {
-    const { grid, values } = layer, step = grid.step, shade = plumeShade(layer.darkest ?? 1);
-    const corner = [p.x.at(grid.x - step / 2), p.y.at(grid.y + (grid.rows - 0.5) * step)];
-    const far = [p.x.at(grid.x + (grid.columns - 0.5) * step), p.y.at(grid.y - step / 2)];
+    const { grid, values } = layer, step = grid.step, up = grid.up ?? step, shade = plumeShade(layer.darkest ?? 1);
+    const corner = [p.x.at(grid.x - step / 2), p.y.at(grid.y + (grid.rows - 0.5) * up)];
+    const far = [p.x.at(grid.x + (grid.columns - 0.5) * step), p.y.at(grid.y - up / 2)];
     const image = layer.darkest == null ? "" : tag("image", { x: px(corner[0]), y: px(corner[1]), width: px(far[0] - corner[0]), height: px(far[1] - corner[1]),
       preserveAspectRatio: "none", href: paintGrid(document.createElement("canvas"), grid, values, shade).toDataURL() });
-    const at = ([c, r]) => [p.x.at(grid.x + c * step), p.y.at(grid.y + r * step)];
+    const at = ([c, r]) => [p.x.at(grid.x + c * step), p.y.at(grid.y + r * up)];
     return image + (layer.levels ?? []).map(([level, text]) => {
       const lines = contourLines(grid, values, level).map(line => line.map(at));
       labelContour(lines, text, layer.colour, p);

@@ -10,8 +10,12 @@ const LOW_BATTERY = 20;
 const rows = new Map();
 let order = "", say = () => {};
 
+const WAITS = "waiting to take off";
+const WHY_WAITS = "neighbours take off and land one after another, and only with time left to land";
+
 const doing = v => v.silent_s > SILENT_S && v.airborne ? `silent ${clock(v.silent_s)}`
-  : v.level !== "automatic" ? LEVELS[v.level] : v.airborne ? v.purpose || "automatic" : "on the ground";
+  : v.level !== "automatic" ? LEVELS[v.level] : v.airborne ? v.purpose || "automatic"
+  : v.flew || known.live.phase === "home" || known.live.ended ? "on the ground" : WAITS;
 
 /** How a vehicle is; nothing of a simulated one, also where a real one had its place before. */
 const healthOf = v => v.real ? known.live.health[v.id] : undefined;
@@ -59,7 +63,8 @@ function activities(vehicles) {
     const what = v.silent_s > SILENT_S && v.airborne ? "silent" : doing(v);
     counts.set(what, (counts.get(what) || 0) + 1);
   }
-  return [...counts].sort((a, b) => b[1] - a[1]).map(([what, count]) => `${count} ${what}`).join(", ");
+  const why = what => what === WAITS ? ` (${WHY_WAITS})` : "";
+  return [...counts].sort((a, b) => b[1] - a[1]).map(([what, count]) => `${count} ${what}${why(what)}`).join(", ");
 }
 
 export function fillTeam() {
@@ -104,7 +109,8 @@ function fillVehicle() {
   if (!v) return;
   const automatic = v.level === "automatic", can = site.offered.control && !live.ended;
   set($("vehicle-name"), `${v.id}, ${v.real ? "real" : "simulated"}`);
-  set($("vehicle-doing"), doing(v) + (v.reason ? `: ${v.reason}` : ""));
+  const why = v.reason || (doing(v) === WAITS ? WHY_WAITS : "");
+  set($("vehicle-doing"), doing(v) + (why ? `: ${why}` : ""));
   set($("vehicle-where"), `${degrees(latLon(v.e, v.n))}; ${v.alt} m AMSL, ${v.agl} m AGL; ${number(v.airspeed, 1)} m/s, heading ${v.heading}°; last message ${v.silent_s > 0 ? `${clock(v.silent_s)} ago` : "now"}`);
   fillHealth(healthOf(v));
   $("follow").setAttribute("aria-pressed", known.follow);

@@ -71,20 +71,25 @@ fn lead(question: &Question, rows: &[MissionRow]) -> [String; 3] {
     let groups = table::groups(rows);
     let known = |g: &Group<'_>| g.count(|r| r.status.stands()) as f64 / g.rows.len() as f64;
     let best = groups.iter().max_by(|a, b| known(a).total_cmp(&known(b)));
-    let found = best.map_or("No mission is flown yet.".to_owned(), |best| {
-        let stands = best.count(|r| r.status.stands());
-        format!(
-            "{} of {} missions of {} end with a confirmed or supported peak{}.",
-            stands,
+    let are_alike = groups
+        .windows(2)
+        .all(|pair| known(&pair[0]) == known(&pair[1]));
+    let found = match best {
+        None => "No mission is flown yet.".to_owned(),
+        Some(_) if are_alike => {
+            let stands = rows.iter().filter(|r| r.status.stands()).count();
+            format!(
+                "{stands} of {} missions end with a confirmed or supported peak, the same share in each group.",
+                rows.len()
+            )
+        }
+        Some(best) => format!(
+            "{} of {} missions of {} end with a confirmed or supported peak, the largest share.",
+            best.count(|r| r.status.stands()),
             best.rows.len(),
-            best.name(question),
-            if groups.len() > 1 {
-                ", the largest share"
-            } else {
-                ""
-            }
-        )
-    });
+            best.name(question)
+        ),
+    };
     let stated = || rows.iter().flat_map(|r| &r.stated);
     let worth = format!(
         "{} of {} stated values are within two standard deviations of the truth of the simulated reality; 95 % are to be \

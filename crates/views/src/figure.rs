@@ -306,6 +306,9 @@ pub(crate) struct FieldGrid {
     pub(crate) y: f64,
     /// Between cells, along both axes.
     pub(crate) step: f64,
+    /// Between rows, where that differs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) up: Option<f64>,
     pub(crate) columns: usize,
     pub(crate) rows: usize,
 }

@@ -5,12 +5,15 @@ use crate::flux_figures as figures;
 use crate::html::{Document, number};
 use formats::number::{plus_minus, significant};
 use plume::Gas;
-use study::flux::{Conclusion, Refusal, SourceFlux};
+use study::combine::SourceMean;
+use study::flux::{Conclusion, Method, Refusal, SourceFlux};
 use study::units::RateUnit;
 use study::{Interval, Share, Term};
 
 /// Passes that the table lists.
 const MOST_PASSES: usize = 60;
+/// Visits whose differences are less probable than this vary.
+const LEAST_AGREEMENT_P: f64 = 0.05;
 /// A line to write on.
 const BLANK: &str = "______________________________";
 
@@ -52,10 +55,99 @@ pub fn page(of: &FluxPage<'_>) -> Document {
     page
 }
 
+/// The report of means over several visits.
+pub fn combined(sources: &[SourceMean]) -> Document {
+    let mut page = Document::new("Plumage emission report: several visits", &named(sources));
+    let most = sources.iter().map(|s| s.visits.len()).max();
+    let found: Vec<String> = sources.iter().map(mean_sentence).collect();
+    let agree = sources
+        .iter()
+        .all(|s| s.mean.agreement_p.is_none_or(|p| p >= LEAST_AGREEMENT_P));
+    page.lead(&[
+        format!("The rates of {} visits were combined to the mean of each source.", most.unwrap_or(0)),
+        format!("{}.", found.join("; ")),
+        if agree {
+            "The visits agree within their intervals.".to_owned()
+        } else {
+            "The visits differ by more than their intervals explain: the mean's interval holds what the source varies."
+                .to_owned()
+        },
+    ]);
+    for source in sources {
+        mean_of_visits(&mut page, source);
+    }
+    page
+}
+
+fn named(sources: &[SourceMean]) -> String {
+    let names: Vec<&str> = sources.iter().map(|s| s.name.as_str()).collect();
+    names.join(", ")
+}
+
+/// The mean of a source in a sentence, without its full stop.
+pub fn mean_sentence(source: &SourceMean) -> String {
+    let rate = source.mean.kg_s;
+    let [value, low, high] = [rate.value, rate.low95, rate.high95].map(|q| significant(1e3 * q));
+    format!(
+        "{} emits {value} g/s of {} (95 % interval {low} to {high}) in the mean of {} visits",
+        source.name,
+        source.gas.formula(),
+        source.visits.len()
+    )
+}
+
+fn mean_of_visits(page: &mut Document, source: &SourceMean) {
+    let in_g_s = |rate: Interval| [rate.value, rate.low95, rate.high95].map(|kg_s| 1e3 * kg_s);
+    let visits = source
+        .visits
+        .iter()
+        .map(|(name, visit)| (name.clone(), visit.kg_s));
+    let all: Vec<(String, Interval)> = visits
+        .chain([("mean".to_owned(), source.mean.kg_s)])
+        .collect();
+    page.section(&source.name);
+    let rates: Vec<(String, [f64; 3])> = all
+        .iter()
+        .map(|(name, rate)| (name.clone(), in_g_s(*rate)))
+        .collect();
+    page.intervals(
+        "Rates of the visits and their mean, with 95 % intervals.",
+        ("rate", "g/s"),
+        &rates,
+    );
+    let row = |(name, values): &(String, [f64; 3])| {
+        let mut row = vec![name.clone()];
+        row.extend(values.map(significant));
+        row
+    };
+    page.table(
+        "The same in numbers, g/s.",
+        &["visit", "rate", "low 95 %", "high 95 %"],
+        &rates.iter().map(row).collect::<Vec<_>>(),
+    );
+    if let Some(p) = source.mean.agreement_p {
+        page.paragraph(&format!(
+            "If the source emits the same on all visits, differences as large as these have the probability {}.",
+            number(p, 3)
+        ));
+    }
+    if !source.mean.budget.is_empty() {
+        page.figure(
+            figures::budget(&source.mean.budget, &term),
+            "What makes the mean's interval wide. Terms of the instrument and the spread are the same on all visits, so \
+             more visits do not reduce them.",
+        );
+    }
+    page.list(&source.notes);
+}
+
 /// What was measured, the rate, and what limits it.
 fn lead(of: &FluxPage<'_>) -> [String; 3] {
     let rows: usize = of.inputs.iter().map(|i| i.2).sum();
-    let done = format!("{rows} rows of {} files were read.", of.inputs.len());
+    let done = match of.inputs.len() {
+        1 => format!("One file with {rows} rows was read."),
+        n => format!("{n} files with {rows} rows were read."),
+    };
     let Some(conclusion) = of.conclusion else {
         let found = "No method applies to these observations.".to_owned();
         return [
@@ -76,10 +168,11 @@ fn lead(of: &FluxPage<'_>) -> [String; 3] {
             100.0 * w.share
         )
     });
-    let checks = match conclusion.alternatives.len() {
-        0 => "No other method applies to check it.".to_owned(),
-        1 => "One other method checks it.".to_owned(),
-        n => format!("{n} other methods check it."),
+    let checks = match (flux.method, conclusion.alternatives.len()) {
+        (Method::Combined, n) => format!("The {n} methods that apply agree."),
+        (_, 0) => "No other method applies to check it.".to_owned(),
+        (_, 1) => "One other method checks it.".to_owned(),
+        (_, n) => format!("{n} other methods check it."),
     };
     [
         done,
@@ -91,7 +184,14 @@ fn lead(of: &FluxPage<'_>) -> [String; 3] {
 /// The answer in a sentence.
 pub fn sentence(flux: &SourceFlux) -> String {
     let gas = flux.gas.formula();
-    let method = flux.method.name();
+    let method = match flux.method {
+        Method::Curtain => "the mass balance of a curtain of passes",
+        Method::Network => "a network of sensors",
+        Method::Point => "one sensor at rest",
+        Method::Inversion => "inversion of the plume model",
+        Method::Tracer => "the ratio to the tracer",
+        Method::Combined => "the combined methods",
+    };
     let unit = unit_of(flux);
     let show = |kg_s: f64| significant(unit.of_kg_s(kg_s, flux.gas));
     match (flux.kg_s, flux.upper_limit_kg_s) {

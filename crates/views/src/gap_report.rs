@@ -7,7 +7,7 @@ mod flight;
 mod tracer;
 
 pub use applied::{applied_plume, applied_tracer};
-pub use flight::flight;
+pub use flight::{estimate, flight};
 pub use tracer::tracer;
 
 use crate::html::{Document, number};
@@ -23,6 +23,8 @@ use plume::Gas;
 const RANKED: usize = 15;
 /// Mechanisms whose smallest visible effect is listed.
 const DETECTABLE: usize = 30;
+/// Effects that the lead names.
+const NAMED_EFFECTS: usize = 3;
 /// No probability is shown as larger: none of models that are all wrong is worth more digits.
 const MOST_SURE_PERCENT: f64 = 99.9;
 
@@ -40,7 +42,7 @@ pub fn plume(title: &str, json: &GapJson, report: &GapReport) -> Document {
         let rows: Vec<Vec<String>> = report
             .noise
             .iter()
-            .map(|(name, value, unit)| vec![name.clone(), size(*value, unit, json), unit.clone()])
+            .map(|(name, value, unit)| vec![name.clone(), significant(*value), unit.clone()])
             .collect();
         page.table(
             "The noise fitted with the base.",
@@ -55,7 +57,7 @@ pub fn plume(title: &str, json: &GapJson, report: &GapReport) -> Document {
             "Gain of the log score on each hold-out block. A gain in a single block is not a finding.",
         );
     }
-    remains(&mut page, json);
+    remains(&mut page, json, &[]);
     page
 }
 
@@ -104,12 +106,6 @@ fn autocorrelation(page: &mut Document, report: &GapReport) {
 /// The gas that was read.
 fn gas(json: &GapJson) -> Gas {
     json.gas.unwrap_or_default()
-}
-
-/// The size of a term of the noise.
-fn size(value: f64, unit: &str, json: &GapJson) -> String {
-    let more = if unit == "ppm" { gas(json).digits() } else { 0 };
-    number(value, 3 + more)
 }
 
 /// What was measured: who read how much, when and where.
@@ -209,7 +205,7 @@ pub fn verdict(kind: &str, title: &str, json: &GapJson) -> Document {
         bins(&mut page, json);
     }
     name_extend_gain(&mut page, json);
-    remains(&mut page, json);
+    remains(&mut page, json, &[]);
     page
 }
 
@@ -245,8 +241,8 @@ fn sentence(json: &GapJson) -> String {
     }
 }
 
-/// What was compared, what was found, and how far the extended model is better.
-fn lead(title: &str, json: &GapJson, found: String) -> [String; 3] {
+/// What was compared, what was found, and how far that goes, with how far the extended model is better.
+fn lead(title: &str, json: &GapJson, found: String, worth: &str) -> [String; 3] {
     let done = format!("The data of {title} were compared with what the simulation predicts.");
     let better = match json.gain.as_ref().map(|g| &g.held_out) {
         Some(h) if h.rmse_before > 0.0 => format!(
@@ -257,7 +253,47 @@ fn lead(title: &str, json: &GapJson, found: String) -> [String; 3] {
         ),
         _ => String::new(),
     };
-    [done, found, format!("{}{better}", json.summary)]
+    [done, found, format!("{worth}{better}")]
+}
+
+/// How far a verdict goes, or what to do about it.
+fn worth(json: &GapJson) -> String {
+    match json.verdict {
+        Verdict::None => match &json.detectable[..] {
+            [] => "Effects too small for these data are not excluded.".to_owned(),
+            all => {
+                let effects = all.iter().take(NAMED_EFFECTS).map(|d| {
+                    let unit = unit_or_dash(&d.unit).replace('–', "");
+                    format!("{} {} {unit}", d.mechanism, significant(d.value))
+                });
+                let effects: Vec<String> = effects.map(|e| e.trim_end().to_owned()).collect();
+                format!(
+                    "These data would have shown effects from these sizes on: {}. The last table lists all; smaller effects \
+                     are not excluded.",
+                    effects.join(", ")
+                )
+            }
+        },
+        Verdict::Named => {
+            "The file extended.toml is the model with the causes that predict hold-out data better."
+                .to_owned()
+        }
+        Verdict::Ambiguous => match json.next_flight {
+            Some(_) => "The report ends with the measurement that would decide.".to_owned(),
+            None => "The section on causes gives the probability of each.".to_owned(),
+        },
+        Verdict::Unexplained => {
+            "Do not rely on the simulation where it deviates: the last section shows where that is."
+                .to_owned()
+        }
+        Verdict::Insufficient => json.insufficient.as_ref().map_or(String::new(), |i| {
+            format!(
+                "{}. To decide: {}.",
+                i.reason.trim_end_matches('.'),
+                i.would_do.trim_end_matches('.')
+            )
+        }),
+    }
 }
 
 /// A number with its unit and what it is.
@@ -282,7 +318,7 @@ fn opening(kicker: &str, title: &str, json: &GapJson) -> Document {
 /// The opening with `change` as what became of the error.
 fn opening_with(kicker: &str, title: &str, json: &GapJson, change: &[Card]) -> Document {
     let mut page = Document::new(kicker, title);
-    page.lead(&lead(title, json, sentence(json)));
+    page.lead(&lead(title, json, sentence(json), &worth(json)));
     let mut cards = Vec::new();
     if json.gain.is_some() {
         cards.extend_from_slice(change);
@@ -302,7 +338,7 @@ fn opening_with(kicker: &str, title: &str, json: &GapJson, change: &[Card]) -> D
 }
 
 fn set(cause: &Cause) -> String {
-    let mut text = cause.mechanisms.join(" or ").replace('-', " ");
+    let mut text = cause.mechanisms.join(" or ");
     if !cause.platforms.is_empty() {
         text += &format!(" ({})", cause.platforms.join(", "));
     }
@@ -355,6 +391,7 @@ fn gain_table(page: &mut Document, held_out: &HeldOut) {
 
 fn causes(page: &mut Document, json: &GapJson) {
     page.section("Causes");
+    page.paragraph(&json.summary);
     if json.causes.is_empty() {
         page.paragraph(if json.unexplained.is_some() {
             "The data deviate from the model, but no mechanism of the catalogue describes the deviation well \
@@ -378,8 +415,9 @@ fn causes(page: &mut Document, json: &GapJson) {
         );
     }
     if !json.ranking.is_empty() {
-        let caption = "Every model tried, by its gain of evidence, which penalises parameters. Negative: the \
-                       data favour the base.";
+        let caption = "Every model tried, by its gain of evidence, which penalises parameters, with its probability \
+                       among the models of its round. Negative: the data favour the base. The best of these models is \
+                       a cause only if it also predicts hold-out data better and passes the checks.";
         page.figure(figures::ranking(&json.ranking, RANKED), caption);
     }
 }
@@ -394,7 +432,7 @@ fn extended(page: &mut Document, json: &GapJson) {
         .map(|p| {
             let [value, sd] = value_and_sd(p.value, p.sd);
             let name = format!("{}.{}", p.mechanism, p.name);
-            vec![name, value, sd, p.unit.clone()]
+            vec![name, value, sd, unit_or_dash(&p.unit)]
         })
         .collect();
     if parameters.is_empty() {
@@ -410,7 +448,7 @@ fn extended(page: &mut Document, json: &GapJson) {
         );
     }
     if !json.base.is_empty() {
-        base_table(page, json, "The base, fitted together with them.");
+        base_table(page, json, "Fitted parameters of the base.");
     }
 }
 
@@ -427,7 +465,7 @@ fn base_table(page: &mut Document, json: &GapJson, caption: &str) {
 fn cause_row(cause: &Cause) -> Vec<String> {
     let evidence = &cause.evidence;
     let size = |p: &Parameter| {
-        let name = p.name.replace('_', " ");
+        let name = quantity(&p.name, &p.unit);
         format!("{name} {}{}", plus_minus(p.value, p.sd), p.unit_after())
     };
     vec![
@@ -443,6 +481,23 @@ fn cause_row(cause: &Cause) -> Vec<String> {
         number(evidence.delta_log_evidence, 1),
         number(cause.nats_to_next, 1),
     ]
+}
+
+/// The name of a parameter in words, without the unit in which it ends.
+fn quantity(name: &str, unit: &str) -> String {
+    let unit = unit.to_lowercase();
+    let ends = [unit.replace('/', "_"), unit.replace('/', "_per_")];
+    let stem = ends.iter().find_map(|end| name.strip_suffix(end.as_str()));
+    stem.unwrap_or(name).replace('_', " ").trim_end().to_owned()
+}
+
+/// A unit for a column of its own; a bare number has none.
+fn unit_or_dash(unit: &str) -> String {
+    if unit == "1" {
+        "–".to_owned()
+    } else {
+        unit.to_owned()
+    }
 }
 
 fn scores(h: &HeldOut) -> Vec<Vec<String>> {
@@ -471,6 +526,10 @@ fn scores(h: &HeldOut) -> Vec<Vec<String>> {
     ];
     let intervals = h.intervals_before.into_iter().zip(h.intervals_after);
     for ((name, before, after, perfect), (i, j)) in statistics.into_iter().zip(intervals) {
+        // Ratios of what has both signs are no numbers.
+        if !(before.is_finite() && after.is_finite()) {
+            continue;
+        }
         rows.push(row(name, [before, after], [range(i), range(j)], perfect));
     }
     rows.push(row(
@@ -482,7 +541,8 @@ fn scores(h: &HeldOut) -> Vec<Vec<String>> {
     rows
 }
 
-fn remains(page: &mut Document, json: &GapJson) {
+/// What is not explained, and notices but those that were shown already.
+fn remains(page: &mut Document, json: &GapJson, shown: &[&str]) {
     page.section("Remaining deviation");
     let mut items = Vec::new();
     if let Some(u) = &json.unexplained {
@@ -500,7 +560,8 @@ fn remains(page: &mut Document, json: &GapJson) {
             number(u.delta_log_evidence, 1)
         ));
     }
-    items.extend(json.notices.iter().cloned());
+    let notices = json.notices.iter().filter(|n| !shown.contains(&n.as_str()));
+    items.extend(notices.cloned());
     if !items.is_empty() {
         page.list(&items);
     }
@@ -564,7 +625,7 @@ fn detectable(page: &mut Document, json: &GapJson) {
                 vec![
                     format!("{}.{}", d.mechanism, d.parameter),
                     significant(d.value),
-                    d.unit.clone(),
+                    unit_or_dash(&d.unit),
                 ]
             })
             .collect();
@@ -577,14 +638,23 @@ fn detectable(page: &mut Document, json: &GapJson) {
 fn next_flight(page: &mut Document, flight: &NextFlight) {
     page.section("A flight that would decide");
     let who = flight.platform.as_ref();
-    page.paragraph(&format!(
-        "To tell {} apart{}: {}. Expected separation: {} nats; probability that it decides: {}.",
+    let mut text = format!(
+        "To tell {} apart{}: {}.",
         flight.separates.join(" and "),
         who.map_or_else(String::new, |p| format!(", flown by {p}")),
-        flight.description,
-        number(flight.expected_nats, 1),
-        number(flight.settles_probability, 2)
-    ));
+        flight.description.trim_end_matches('.')
+    );
+    if flight.expected_nats.is_finite() {
+        text += &format!(
+            " Expected separation: {} nats; probability that it decides: {}.",
+            number(flight.expected_nats, 1),
+            number(flight.settles_probability, 2)
+        );
+    }
+    page.paragraph(&text);
+    if flight.waypoints.is_empty() {
+        return;
+    }
     let rows: Vec<Vec<String>> = flight
         .waypoints
         .iter()

@@ -28,6 +28,11 @@ fn script_json(figures: &[Figure]) -> String {
     text.replace('<', "\\u003c")
 }
 
+/// Characters of a number with its ± or interval; a sentence may begin with a number, too.
+const LONGEST_NUMBER: usize = 30;
+/// Characters of a cell with a range that stays on one line.
+const LONGEST_RANGE: usize = 16;
+
 /// The modules behind the figures of a report, each after those that it uses.
 const MODULES: [&str; 8] = [
     include_str!("../assets/scale.js"),
@@ -138,7 +143,7 @@ impl Document {
         ));
     }
 
-    /// A table with a caption. Cells after the first of a row stand to the right.
+    /// A table with a caption. Columns of numbers stand to the right, the first column and texts to the left.
     pub fn table(&mut self, caption: &str, head: &[&str], rows: &[Vec<String>]) {
         self.tables += 1;
         let (number, caption) = (self.tables, escape(caption));
@@ -146,17 +151,24 @@ impl Document {
             "<figure class=\"table\"><figcaption><b>Table {number}.</b> {caption}</figcaption>\
              <div class=\"scroll\"><table><thead><tr>"
         ));
-        for cell in head {
+        let sides: Vec<&str> = (0..head.len()).map(|k| side(rows, k)).collect();
+        for (cell, side) in head.iter().zip(&sides) {
             let cell = escape(cell);
-            self.push(format_args!("<th>{cell}</th>"));
+            self.push(format_args!("<th{side}>{cell}</th>"));
         }
         self.body.push_str("</tr></thead><tbody>");
         for row in rows {
             self.body.push_str("<tr>");
-            for cell in row {
-                // A value and its ± stay on one line.
+            for (cell, side) in row.iter().zip(&sides) {
+                // A value and its ± stay on one line, and so do both ends of a range.
                 let cell = escape(cell).replace(" ± ", "\u{a0}±\u{a0}");
-                self.push(format_args!("<td>{cell}</td>"));
+                let is_range = cell.len() <= LONGEST_RANGE && cell.contains(" to ");
+                let cell = if is_range {
+                    cell.replace(' ', "\u{a0}")
+                } else {
+                    cell
+                };
+                self.push(format_args!("<td{side}>{cell}</td>"));
             }
             self.body.push_str("</tr>");
         }
@@ -215,6 +227,24 @@ impl Document {
     }
 }
 
+/// The attribute of the cells of column `k`: of numbers where most cells that say something begin with one.
+fn side(rows: &[Vec<String>], k: usize) -> &'static str {
+    let cells = rows.iter().filter_map(|row| row.get(k));
+    let (mut numbers, mut texts) = (0, 0);
+    for cell in cells.filter(|cell| !matches!(cell.as_str(), "" | "–")) {
+        let is_number = cell.starts_with(|c: char| c.is_ascii_digit() || "+-±<>≤≥".contains(c));
+        match is_number && cell.chars().count() <= LONGEST_NUMBER {
+            true => numbers += 1,
+            false => texts += 1,
+        }
+    }
+    if texts > 0 && texts >= numbers {
+        " class=\"text\""
+    } else {
+        ""
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -241,6 +271,20 @@ mod tests {
         });
         assert!(!page.contains("alert(1)</script>"));
         assert_eq!(page.matches("</script>").count(), 2);
+    }
+
+    #[test]
+    fn columns_of_texts_stand_to_the_left() {
+        let mut document = Document::new("", "");
+        let row = |texts: [&str; 4]| texts.map(str::to_owned).to_vec();
+        let rows = [
+            row(["1", "real", "-3", "–"]),
+            row(["2", "4 of 5", "10 to 20", ""]),
+        ];
+        document.table("", &["id", "kind", "size", "none"], &rows);
+        let page = document.html(&Origin::default());
+        assert!(page.contains("<td>1</td><td class=\"text\">real</td><td>-3</td><td>–</td>"));
+        assert!(page.contains("<td>10\u{a0}to\u{a0}20</td>"));
     }
 
     #[test]

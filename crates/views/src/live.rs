@@ -65,6 +65,8 @@ struct Vehicle {
     health: Option<Box<Health>>,
     /// No page has got this health.
     new_health: bool,
+    /// Whether it was in the air.
+    flew: bool,
     purpose: String,
 }
 
@@ -161,7 +163,9 @@ impl LiveState {
         self.tracks.take(topic, envelope);
         match (topic, &envelope.message) {
             (Topic::State(id), Message::State(state)) => {
-                self.vehicle(id.as_str()).state = Some((envelope.time, state.clone()));
+                let vehicle = self.vehicle(id.as_str());
+                vehicle.flew |= state.airborne;
+                vehicle.state = Some((envelope.time, state.clone()));
             }
             (Topic::Reading(id), Message::Reading(reading)) => {
                 self.vehicle(id.as_str()).reading = Some(reading.clone());
@@ -345,6 +349,7 @@ impl LiveState {
             "heading": integer(state.heading_deg),
             "airspeed": Rounded::new(state.airspeed_m_s, 10.0),
             "airborne": state.airborne,
+            "flew": vehicle.flew,
             "silent_s": integer(self.time.since_s(*heard)),
             "ppm": vehicle.reading.as_ref().map(|r| self.shown(r.co2_ppm)),
             "level": level,

@@ -6,7 +6,7 @@ mod figures;
 use crate::html::{Document, number};
 use crate::site::{MapPoint, SiteMap};
 use air::geo::Enu;
-use formats::number::{plus_minus, significant};
+use formats::number::{plus_minus, significant, value_and_sd};
 use protocol::message::{
     ControlLevel, Estimate, Flux, Message, Model, Peak, PeakStatus, Phase, Severity, VehicleKind,
 };
@@ -172,12 +172,7 @@ impl Report {
             .peak
             .estimate
             .map_or("No peak was found.".to_owned(), |peak| {
-                let rates = summary.flux.iter().map(|f| &f.found);
-                let best = rates
-                    .clone()
-                    .min_by(|a, b| relative_sd(a).total_cmp(&relative_sd(b)));
-                let rates = rates.filter(|f| best.is_some_and(|best| f.method == best.method));
-                let rate: String = rates
+                let rate: String = rates(summary)
                     .map(|f| {
                         let kg_s = plus_minus(f.kg_s.value, f.kg_s.sd);
                         format!(", and {} emits {kg_s} kg/s", f.source)
@@ -215,7 +210,9 @@ impl Report {
                     .to_owned()
             }
         };
-        [done, found, format!("{worth} {}", next(summary))]
+        let gap = summary.gap.as_ref().filter(|gap| gap.verdict != "none");
+        let gap = gap.map_or(String::new(), |gap| format!(" {}", text::gap(gap)));
+        [done, found, format!("{worth}{gap} {}", next(summary))]
     }
 
     /// Distance of a place from the first source, m.
@@ -285,12 +282,17 @@ impl Report {
         page.table(&caption, &head, &rows);
     }
 
-    /// Colours of readings that reach as far as these.
+    /// Colours that reach as far as the peak and the readings of each vehicle, but for one that stands alone: a puff that
+    /// one vehicle read, or a peak that nobody did.
     fn shown(&self, summary: &MissionSummary) -> Shown {
         let read = summary.vehicles.iter().filter_map(|v| v.peak_ppm);
+        let peak = summary.peak.estimate.as_ref().map(|p| p.co2_ppm);
+        let mut highest: Vec<f64> = read.chain(peak).collect();
+        highest.sort_by(|a, b| b.total_cmp(a));
+        let reach = highest.get(1).or(highest.first());
         self.site
             .shown
-            .reaching(read.fold(f64::NEG_INFINITY, f64::max))
+            .reaching(reach.copied().unwrap_or(f64::NEG_INFINITY))
     }
 
     fn mission(&self, page: &mut Document, summary: &MissionSummary) {
@@ -338,7 +340,7 @@ impl Report {
         let head = [
             "vehicle",
             "kind",
-            "way, km",
+            "distance, km",
             &highest,
             "measured at",
             "height AGL, m",
@@ -387,16 +389,12 @@ impl Report {
              arrived. The simulated vehicles flew in the corrected plume."
         ));
         let model = &summary.model;
-        if let Some(reality) = &model.reality {
-            page.paragraph(&improvement(summary, reality));
-        }
         if let Some(gap) = &summary.gap {
             page.paragraph(&text::gap(gap));
         }
         let rows: Vec<Vec<String>> = CORRECTED
             .iter()
             .map(|n| {
-                let digits = n.digits(summary.gas);
                 let (before, after) = ((n.of)(&model.before), (n.of)(&model.after));
                 let unit = n.unit_of(summary.gas);
                 let name = if unit.is_empty() {
@@ -411,9 +409,8 @@ impl Report {
                 ];
                 if let Some(reality) = &model.reality {
                     let truth = (n.of)(reality).value;
-                    row.push(number(truth, digits));
-                    row.push(number(n.error(before.value, truth), digits));
-                    row.push(number(n.error(after.value, truth), digits));
+                    row.push(significant(truth));
+                    row.extend([before, after].map(|found| text::error(n, found, truth)));
                 }
                 row
             })
@@ -487,7 +484,7 @@ impl Report {
             let keep_out_m = self.site.keep_out_radius_m;
             let near = if keep_out_m > 0.0 {
                 format!(
-                    " Set-points keep {SETPOINT_MARGIN_M:.0} m from the keep-out cylinder of {keep_out_m:.0} \
+                    " Setpoints keep {SETPOINT_MARGIN_M:.0} m from the keep-out cylinder of {keep_out_m:.0} \
                          m. Nearer the source the concentration on the axis is higher, but no vehicle may fly \
                          there."
                 )
@@ -668,25 +665,6 @@ fn phase_name(phase: Phase) -> &'static str {
     }
 }
 
-/// By how much readings changed the model's error against a reality that is known.
-fn improvement(summary: &MissionSummary, reality: &ModelNumbers) -> String {
-    let errors = CORRECTED.iter().take(3).map(|n| {
-        let truth = (n.of)(reality).value;
-        let error = |m: &ModelNumbers| n.error((n.of)(m).value, truth).abs();
-        format!(
-            "{} from {} to {} {}",
-            n.name,
-            number(error(&summary.model.before), n.digits(summary.gas)),
-            number(error(&summary.model.after), n.digits(summary.gas)),
-            n.unit_of(summary.gas)
-        )
-    });
-    format!(
-        "With the readings of the real vehicles, the model's error against their reality changed: {}.",
-        errors.collect::<Vec<_>>().join(", ")
-    )
-}
-
 /// The recommended next step after this answer.
 fn next(summary: &MissionSummary) -> String {
     let real = summary.vehicles.iter().any(|v| v.kind == VehicleKind::Real);
@@ -716,8 +694,14 @@ fn next(summary: &MissionSummary) -> String {
     format!("Next: {text}.")
 }
 
-fn relative_sd(flux: &Flux) -> f64 {
-    flux.kg_s.sd / flux.kg_s.value
+/// The rates of all sources by the method that knows one of them best.
+fn rates(summary: &MissionSummary) -> impl Iterator<Item = &Flux> {
+    let relative_sd = |flux: &Flux| flux.kg_s.sd / flux.kg_s.value;
+    let rates = summary.flux.iter().map(|f| &f.found);
+    let best = rates
+        .clone()
+        .min_by(|a, b| relative_sd(a).total_cmp(&relative_sd(b)));
+    rates.filter(move |f| best.is_some_and(|best| f.method == best.method))
 }
 
 /// What the sources emit, by each method.
@@ -771,7 +755,13 @@ fn cards(summary: &MissionSummary) -> Vec<(String, String, String)> {
             "from the true peak".to_owned(),
         ));
     }
-    for n in CORRECTED.iter().take(3) {
+    for f in rates(summary) {
+        let kg_s = plus_minus(f.kg_s.value, f.kg_s.sd);
+        let label = format!("emitted by {}", f.source);
+        cards.push((kg_s, "kg/s".to_owned(), label));
+    }
+    let others = if summary.flux.is_empty() { 3 } else { 1 };
+    for n in CORRECTED.iter().take(others) {
         let after = (n.of)(&summary.model.after);
         cards.push((
             plus_minus(after.value, after.sd),
@@ -788,16 +778,15 @@ fn outside(summary: &MissionSummary, reality: &ModelNumbers) -> Vec<String> {
     CORRECTED
         .iter()
         .filter_map(|n| {
-            let digits = n.digits(summary.gas);
             let (found, truth) = ((n.of)(after), (n.of)(reality));
-            let error = n.error(found.value, truth.value);
-            (error.abs() > 2.0 * found.sd).then(|| {
+            let error = n.error(found.value, truth.value).abs();
+            (error > 2.0 * found.sd).then(|| {
+                let [off, sd] = value_and_sd(error, found.sd);
                 format!(
-                    "The {} is off by {}, more than twice the model's own standard deviation of {}: the model \
-                     underestimates its uncertainty.",
+                    "The {} is off by {}, {:.1} of its standard deviations of {sd}.",
                     n.name,
-                    format!("{} {}", number(error, digits), n.unit_of(summary.gas)).trim_end(),
-                    number(found.sd, digits + 1)
+                    format!("{off} {}", n.unit_of(summary.gas)).trim_end(),
+                    error / found.sd
                 )
             })
         })

@@ -90,3 +90,60 @@ fn a_verdict_alone_has_a_report_too() {
     let page = page.html(&views::Origin::default());
     assert!(page.contains("Causes") && page.contains("made up"));
 }
+
+#[test]
+fn means_of_visits_and_estimated_aircraft_have_reports() {
+    use study::combine::{SourceMean, Visit, site_mean};
+    let visit = |value: f64| Visit {
+        kg_s: study::Interval::of_mean(value, 0.1 * value),
+        budget: Vec::new(),
+    };
+    let combined = |rates: &[f64]| {
+        let visits: Vec<Visit> = rates.iter().map(|rate| visit(*rate)).collect();
+        let names = (1..).map(|k| format!("visit {k}"));
+        let source = SourceMean {
+            name: "vent".to_owned(),
+            gas: plume::Gas::Ch4,
+            mean: site_mean(&visits).unwrap(),
+            visits: names.zip(visits).collect(),
+            notes: vec!["a note".to_owned()],
+        };
+        let page = views::flux_report::combined(&[source]).html(&views::Origin::default());
+        page.split("<script").next().unwrap().to_owned()
+    };
+    let alike = combined(&[1e-3, 1.1e-3]);
+    for words in ["vent emits 1.0", "The visits agree", "visit 2", "a note"] {
+        assert!(alike.contains(words), "{words}");
+    }
+    assert!(combined(&[1e-3, 3e-3]).contains("differ by more than their intervals"));
+
+    let aircraft = include_str!("../../../aircraft/x8.toml");
+    let estimate = gap::flight::estimate::Estimate {
+        schema: gap::flight::estimate::SCHEMA,
+        summary: String::new(),
+        coefficients: vec![gap::flight::estimate::Coefficient {
+            name: "lift.alpha".to_owned(),
+            unit: "1",
+            start: 4.02,
+            prior_sd: 1.0,
+            value: 4.318,
+            sd: 0.0417,
+            told: true,
+        }],
+        widened: 1.3,
+        motion: Vec::new(),
+        data_quality: Vec::new(),
+        notices: vec!["held".to_owned()],
+        aircraft: fdm::Aircraft::from_toml("x8.toml", aircraft).unwrap(),
+    };
+    let page = views::gap_report::estimate("flight.csv", &estimate).html(&views::Origin::default());
+    for words in [
+        "determine 1 of 1 coefficients",
+        "lift.alpha",
+        "4.318",
+        "0.042",
+        "held",
+    ] {
+        assert!(page.contains(words), "{words}");
+    }
+}

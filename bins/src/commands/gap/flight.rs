@@ -1,8 +1,8 @@
 //! `plumage gap flight`: measured flights against the aircraft of a file.
 
 use super::output::{OutputArguments, names, progress_bar, tell, write};
-use crate::Failure;
 use crate::measured::{self, AircraftFile};
+use crate::{Failure, reports};
 use fdm::Aircraft;
 use formats::number::{significant, value_and_sd};
 use gap::flight::log::FlightLog;
@@ -77,7 +77,13 @@ fn estimated(
         found.to_json()?,
         found.aircraft.to_toml().map_err(Failure::input)?,
     );
-    let outputs = [("estimate.json", json), ("aircraft.toml", toml)];
+    let title = format!("{} of {}", names(&arguments.flights), aircraft.name);
+    let page = reports::html(&views::gap_report::estimate(&title, &found));
+    let outputs = [
+        ("estimate.json", json),
+        ("aircraft.toml", toml),
+        ("report.html", page),
+    ];
     let outputs: Vec<_> = outputs
         .iter()
         .map(|(name, text)| (out.join(name), text.as_bytes()))
@@ -99,7 +105,10 @@ fn estimated(
             significant(c.start)
         );
     }
-    println!("Outputs in {}: aircraft.toml, estimate.json", out.display());
+    println!(
+        "Outputs in {}: report.html, aircraft.toml, estimate.json",
+        out.display()
+    );
     Ok(())
 }
 

@@ -1,6 +1,7 @@
 //! What a campaign shows, in Markdown: reality, strategy and team beside each other, with intervals.
 
 use super::{FOUND_WITHIN_M, MissionKey, MissionRow, Moment, NEAR_M, Question, Stated};
+use formats::number::{significant, value_and_sd};
 use protocol::message::{FluxMethod, PeakStatus};
 use std::fmt::Write as _;
 use study::SD_95;
@@ -176,7 +177,7 @@ impl Group<'_> {
                     those.iter().filter(|s| s.holds()).count(),
                     those.len()
                 ),
-                format!("{error:.*} {}", those[0].digits, those[0].unit),
+                format!("{} {}", significant(error), those[0].unit),
                 left.map_or(NOTHING.to_owned(), |l| format!("{l:.3}")),
             ]
         };
@@ -210,7 +211,7 @@ impl Group<'_> {
 }
 
 /// What stands where nothing can be told.
-const NOTHING: &str = "-";
+const NOTHING: &str = "–";
 
 /// What stands where it happened in no mission, or in so few that nothing can be told.
 const NEVER: &str = "never";
@@ -321,10 +322,8 @@ fn by_seed(group: &Group<'_>) -> String {
     let number = |row: &MissionRow, name: &str| {
         let stated = row.stated_of(name).and_then(|s| Some((s.before?, s)));
         stated.map_or(NOTHING.to_owned(), |(before, s)| {
-            format!(
-                "{before:+.*} → {:+.*} {}",
-                s.digits, s.digits, s.error, s.unit
-            )
+            let [error, _] = value_and_sd(s.error, s.sd.unwrap_or(f64::NAN));
+            format!("{} → {error} {}", significant(before), s.unit)
         })
     };
     let of = |row: &&MissionRow| {

@@ -56,7 +56,7 @@ fn opening(kicker: &str, title: &str, json: &GapJson) -> Document {
             "These data do not decide whether the earlier extension is better than the base."
         }
     };
-    page.lead(&lead(title, json, found.to_owned()));
+    page.lead(&lead(title, json, found.to_owned(), &json.summary));
     let mut cards = Vec::new();
     if let Some(applied) = &json.applied {
         cards.push((

@@ -1,13 +1,14 @@
 //! The report of an analysis of measured flights.
 
-use super::{Card, bins, name_extend_gain, opening_with, remains};
+use super::{Card, bins, left_out, name_extend_gain, opening_with, remains, unit_or_dash};
 use crate::figure::{
     Axis, BASE, Column, Figure, Layer, Line, MEASURED, MODEL, Panel, Points, stride,
 };
 use crate::html::{Document, number};
-use formats::number::significant;
+use formats::number::{significant, value_and_sd};
 use gap::flight::FlightReport;
 use gap::flight::equation_error::{EquationError, Moment};
+use gap::flight::estimate::Estimate;
 use gap::flight::histories::{History, WINDOW_S};
 use gap::flight::windows::MotionError;
 
@@ -44,7 +45,7 @@ pub fn flight(title: &str, report: &FlightReport) -> Document {
              deviation."
         );
         page.figure(histories(&report.histories), &caption);
-        errors(&mut page, motion);
+        errors(&mut page, motion, "extended");
         page.figure(
             residuals(&report.histories),
             "Innovations of the filter over the whole flight, in standard deviations of its noise (means of \
@@ -52,9 +53,84 @@ pub fn flight(title: &str, report: &FlightReport) -> Document {
         );
     }
     bins(&mut page, json);
-    equation_error(&mut page, &report.flight.equation_error);
+    let equations = &report.flight.equation_error;
+    equation_error(&mut page, equations);
     name_extend_gain(&mut page, json);
-    remains(&mut page, json);
+    let mut shown: Vec<&str> = equations.moments.iter().map(|m| m.words.as_str()).collect();
+    shown.extend(equations.lift.as_ref().map(|lift| lift.words.as_str()));
+    remains(&mut page, json, &shown);
+    page
+}
+
+/// The report of an aircraft that was estimated from flights. `title` names the data.
+pub fn estimate(title: &str, found: &Estimate) -> Document {
+    let mut page = Document::new("Plumage report: aircraft from flights", title);
+    let determined = found.coefficients.iter().filter(|c| c.told).count();
+    let count = found.coefficients.len();
+    let error = found.motion.iter().find(|e| e.label == CARDS[0]);
+    page.lead(&[
+        format!("The aerodynamic coefficients of {title} were estimated, starting from those of the aircraft file."),
+        format!("These flights determine {determined} of {count} coefficients to less than half of their prior uncertainty."),
+        error.map_or(String::new(), |e| {
+            format!(
+                "Predicted for {:.0} s, the {} of flights not used for it has an error of {} {} with the estimate, \
+                 and of {} {} with the file.",
+                e.window_s,
+                e.label,
+                significant(e.after),
+                e.unit,
+                significant(e.before),
+                e.unit
+            )
+        }),
+    ]);
+    let cards: Vec<Card> = CARDS
+        .iter()
+        .filter_map(|c| card(&found.motion, c))
+        .collect();
+    page.cards(&cards);
+    page.section("Coefficients");
+    let rows = found.coefficients.iter().map(|c| {
+        let [value, sd] = value_and_sd(c.value, c.sd);
+        let determined = if c.told { "yes" } else { "no" };
+        vec![
+            c.name.clone(),
+            value,
+            sd,
+            unit_or_dash(c.unit),
+            significant(c.start),
+            significant(c.prior_sd),
+            determined.to_owned(),
+        ]
+    });
+    page.table(
+        &format!(
+            "Coefficients per radian, as in aircraft.toml. Both halves of the flights were estimated alone, and all ± \
+             are {} times those of the filter so that the halves agree.",
+            significant(found.widened)
+        ),
+        &["coefficient", "estimate", "± 1 sd", "unit", "file", "prior sd", "determined"],
+        &rows.collect::<Vec<_>>(),
+    );
+    let moves = found.coefficients.iter().map(|c| {
+        let by = |value: f64| (value - c.start) / c.prior_sd;
+        let interval = [c.value, c.value - 1.96 * c.sd, c.value + 1.96 * c.sd];
+        (c.name.clone(), interval.map(by))
+    });
+    page.intervals(
+        "By how many prior standard deviations each coefficient differs from the file, with its 95 % interval.",
+        ("estimate minus file", "prior sd"),
+        &moves.collect::<Vec<_>>(),
+    );
+    if !found.motion.is_empty() {
+        page.section("Prediction of motion");
+        errors(&mut page, &found.motion, "estimate");
+    }
+    if !(found.notices.is_empty() && found.data_quality.is_empty()) {
+        page.section("Raw data");
+        page.list(&found.notices);
+        left_out(&mut page, &found.data_quality);
+    }
     page
 }
 
@@ -66,8 +142,8 @@ fn card(motion: &[MotionError], label: &str) -> Option<Card> {
     Some((value, e.unit, what))
 }
 
-/// The table of errors of motion.
-fn errors(page: &mut Document, motion: &[MotionError]) {
+/// The table of errors of motion, with those of the aircraft `of` another file.
+fn errors(page: &mut Document, motion: &[MotionError], of: &str) {
     let row = |e: &MotionError| {
         vec![
             e.label.to_owned(),
@@ -83,9 +159,9 @@ fn errors(page: &mut Document, motion: &[MotionError]) {
         &[
             "channel",
             "file",
-            "extended",
+            of,
             "unit",
-            "extended is better in",
+            &format!("{of} is better in"),
         ],
         &motion.iter().map(row).collect::<Vec<_>>(),
     );

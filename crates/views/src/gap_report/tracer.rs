@@ -1,6 +1,6 @@
 //! The report of an analysis of tracer trials.
 
-use super::{RANKED, causes, detectable, figures, gain_table, opening, set};
+use super::{RANKED, causes, detectable, figures, gain_table, opening, set, unit_or_dash};
 use crate::html::{Document, number};
 use formats::number::{plus_minus, significant, value_and_sd};
 use gap::tracer::{GroupDetail, TracerReport, TriedModel};
@@ -150,7 +150,7 @@ fn parameter_row(cause: &Cause, p: &Parameter, inputs: &[String]) -> Vec<String>
         cause.platforms.join(", "),
         value,
         sd,
-        p.unit.clone(),
+        unit_or_dash(&p.unit),
         relative_to,
     ]
 }

@@ -127,6 +127,8 @@ fn readings_scale(shown: &Shown) -> ColourScale {
 /// Readings that are drawn in a section lie within this part of their distance from the source beside its plane: about two
 /// widths of the plume on either side.
 pub(super) const ASIDE: f64 = 0.15;
+/// Rows of the grid of a section: near the source a plume is not as thick as a column is wide.
+const SECTION_ROWS: usize = 160;
 /// Height of a section, pixels.
 const SECTION_HEIGHT: u32 = 260;
 /// Height above the highest track up to which a section goes, m.
@@ -162,12 +164,12 @@ pub(super) fn section(site: &SiteMap, tracks: &Tracks, model: &Model, shown: &Sh
     let far_m = most(|p| p.0, 2.0 * site.keep_out_radius_m.max(500.0));
     let top_m = most(|p| p.2, 1.5 * model.effective_height_agl_m.value) + ABOVE_TRACKS_M;
     let step_m = far_m / COLUMNS as f64;
-    let rows = (top_m / step_m).ceil().max(1.0) as usize;
-    let points: Vec<MapPoint> = (0..=rows)
+    let up_m = top_m / SECTION_ROWS as f64;
+    let points: Vec<MapPoint> = (0..=SECTION_ROWS)
         .flat_map(|row| {
             (0..=COLUMNS).map(move |column| MapPoint {
                 at: from.displaced(model.axis_deg.value, step_m * column as f64),
-                alt_amsl_m: site.frame.ground_amsl_m + step_m * row as f64,
+                alt_amsl_m: site.frame.ground_amsl_m + up_m * row as f64,
             })
         })
         .collect();
@@ -180,8 +182,9 @@ pub(super) fn section(site: &SiteMap, tracks: &Tracks, model: &Model, shown: &Sh
             x: 0.0,
             y: 0.0,
             step: step_m,
+            up: Some(up_m),
             columns: COLUMNS + 1,
-            rows: rows + 1,
+            rows: SECTION_ROWS + 1,
         },
         values: Column::new(excess, 10.0 * site.shown.steps_per_ppm()),
         darkest: Some(site.shown.darkest_ppm()),
@@ -271,6 +274,7 @@ fn plumes(site: &SiteMap, model: &Model, area: Area) -> Vec<Layer> {
                 x: grid.east_m[0] / 1000.0,
                 y: grid.north_m[0] / 1000.0,
                 step: (grid.east_m[1] - grid.east_m[0]) / 1000.0,
+                up: None,
                 columns: grid.east_m.len(),
                 rows: grid.north_m.len(),
             },

@@ -184,6 +184,7 @@ pub fn flux_method(method: FluxMethod) -> &'static str {
     match method {
         FluxMethod::Inference => "the corrected model",
         FluxMethod::MassBalance => "the mass balance of passes",
+        FluxMethod::Combined => "both",
     }
 }
 

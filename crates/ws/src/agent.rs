@@ -643,19 +643,7 @@ impl Correction {
         if peak.is_none_or(|p| p.status == PeakStatus::NotFound) {
             return Vec::new();
         }
-        let said = |method| {
-            move |(source, kg_s)| Flux {
-                source,
-                method,
-                kg_s,
-            }
-        };
-        let inferred = self.calibrator.flux(self.wind_m_s).into_iter();
-        let weighed = self.calibrator.curtain_flux(self.wind_m_s).into_iter();
-        inferred
-            .map(said(FluxMethod::Inference))
-            .chain(weighed.map(said(FluxMethod::MassBalance)))
-            .collect()
+        self.calibrator.fluxes(self.wind_m_s)
     }
 }
 

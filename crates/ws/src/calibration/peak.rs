@@ -25,6 +25,9 @@ const LEAST_CROSSINGS: usize = 2;
 const AGREES_SD: f64 = 2.0;
 /// A peak of which less is known than this part of its excess, one standard deviation, is hardly known.
 const HARDLY_KNOWN: f64 = 0.5;
+/// Where a mission asks for no precision, a peak is known where its 95 % interval has this half width over its excess: about as
+/// much as [`HARDLY_KNOWN`] leaves.
+pub const WITHIN: f64 = 1.0;
 /// Differences for the slopes of a peak: parts of the standard deviation of an unknown, within which the peak is about linear.
 const DIFFERENCE_SD: f64 = 0.3;
 /// A plume was read where it explains the squares of so many standard deviations of the sensor.
@@ -357,7 +360,17 @@ impl Calibrator {
         };
         match (agree(&near, relative_sd), agree(&all, relative_sd)) {
             (Some(true), _) if near.len() >= LEAST_CROSSINGS => {
-                (PeakStatus::Confirmed, agreeing(near.len(), "near it"))
+                let half_width = study::SD_95 * relative_sd;
+                let words = agreeing(near.len(), "near it");
+                if half_width <= self.peak_within {
+                    (PeakStatus::Confirmed, words)
+                } else {
+                    let [is, asked] = [half_width, self.peak_within].map(|part| 100.0 * part);
+                    let wide = format!(
+                        "{words}, but its 95 % interval is ± {is:.0} % of its excess, and ± {asked:.0} % are asked for"
+                    );
+                    (PeakStatus::Supported, wide)
+                }
             }
             (Some(true), _) => (PeakStatus::Supported, agreeing(near.len(), "near it")),
             (None, Some(true)) if all.len() >= LEAST_CROSSINGS => {

@@ -389,11 +389,11 @@ impl Pass {
     /// States height and distance as the means of those of its parts that are `there`; they stay where none is.
     fn is_at(&mut self, there: impl Fn(&Part) -> bool) {
         let those: Vec<&Part> = self.parts.iter().filter(|p| there(p)).collect();
-        let mean = |of: fn(&Part) -> f64| {
-            those.iter().map(|p| of(p)).sum::<f64>() / those.len() as f64
-        };
+        let mean =
+            |of: fn(&Part) -> f64| those.iter().map(|p| of(p)).sum::<f64>() / those.len() as f64;
         if !those.is_empty() {
-            (self.height_agl_m, self.distance_m) = (mean(|p| p.height_agl_m), mean(|p| p.distance_m));
+            (self.height_agl_m, self.distance_m) =
+                (mean(|p| p.height_agl_m), mean(|p| p.distance_m));
         }
     }
 
@@ -405,7 +405,10 @@ impl Pass {
     /// Whether it keeps its height across the plume.
     fn is_level_across(&self, plume: Bearing) -> bool {
         let within = COVERED_SD * plume.sd_deg;
-        let across = self.parts.iter().filter(|p| plume.off_deg(p).abs() <= within);
+        let across = self
+            .parts
+            .iter()
+            .filter(|p| plume.off_deg(p).abs() <= within);
         // Minus infinity where it does not come to the plume.
         let (low, high) = range(across.map(|p| p.height_agl_m));
         high - low <= 2.0 * SAME_LEVEL_M
@@ -734,10 +737,7 @@ mod tests {
         assert_eq!(weighed(&half, AT_ENDS, &wind), None);
         // Along the wind nothing is crossed.
         let along = |_: f64| WindVector::from_speed_and_direction(WIND_M_S, 0.0);
-        assert_eq!(
-            weighed(&flown(&STEPS, |_| 1.0), AT_ENDS, &along),
-            None
-        );
+        assert_eq!(weighed(&flown(&STEPS, |_| 1.0), AT_ENDS, &along), None);
     }
 
     /// Beyond a height that carries the most the plume may go on: 12 kg/s were weighed for 528 so.

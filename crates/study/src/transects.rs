@@ -7,11 +7,11 @@
 //! wanders up and down meanwhile (`wander.rs`). The posterior of the rate is computed on a grid.
 
 use crate::grid::{interval, mean, normal_grid, weighted_quantile};
+use crate::pass_rate::{LEAST_PASSES, Posterior, is_met};
 use crate::position;
 use crate::profile::DIRECTION_SD_DEG;
 use crate::tracks::{ALWAYS, MeanWind, Winds, mean_height_agl_m, samples, site};
 use crate::vertical::{MeanPlume, Vertical};
-use crate::pass_rate::{LEAST_PASSES, Posterior, is_met};
 use crate::wander::Crossing;
 use crate::{PassFlux, PlumeFlux, StudyError, Term, budget, not_calm};
 use air::geo::{Enu, wrap_signed_deg};
@@ -219,7 +219,7 @@ impl Transects<'_> {
         let mut seen: Vec<(Crossing, f64)> =
             used.iter().map(|p| self.crossing(p, source)).collect();
         seen.sort_by(|a, b| a.0.time_s.total_cmp(&b.0.time_s));
-        let plume = |distance_m: f64, off: [f64; 2]| self.plume(distance_m, off);
+        let plume = |distance_m: f64, off: [f64; 2]| vec![(1.0, self.plume(distance_m, off))];
         let grids = [
             normal_grid(GRID_STEPS),
             self.vertical.height_steps(GRID_STEPS),

@@ -146,7 +146,9 @@ impl Group<'_> {
         ];
         cells.extend(until(|r| r.near));
         cells.extend(until(|r| r.known));
-        cells.push(interval(self.median_until(|r| r.confirmed.map(|m| m.time_s))));
+        cells.push(interval(
+            self.median_until(|r| r.confirmed.map(|m| m.time_s)),
+        ));
         cells.extend([
             share(self.count(|r| r.status.stands()), of),
             share(self.count(MissionRow::is_found), self.count(|r| r.has_peak)),

@@ -3,11 +3,11 @@
 use super::Calibrator;
 use air::wind::WindVector;
 use plume::curtain::Sample;
-use plume::{DispersionModel, DispersionSpec, MechanismId};
+use plume::{DispersionModel, DispersionSpec, MechanismId, SourceSpec};
 use protocol::message::{Estimate, Flux, FluxMethod};
 use study::Interval;
 use study::combine::{AGREEMENT_P, agreement_p, of_one_record};
-use study::pass_rate::{PassPlume, Weighing, rate_by_passes};
+use study::pass_rate::{PassPlume, SourcePlume, Weighing, rate_by_passes};
 
 impl Calibrator {
     /// What the sources emit, kg/s, if the wind at the scenario's reference height is `wind_m_s`: first what stands for the
@@ -29,7 +29,10 @@ impl Calibrator {
         let weighed = flux(FluxMethod::MassBalance, source.clone(), estimate(balance));
         let all = self.inferred_in_all(wind_m_s);
         let agrees = |all: &Interval| agreement_p(*all, balance).is_some_and(|p| p >= AGREEMENT_P);
-        match all.filter(agrees).and_then(|all| of_one_record(&[all, balance])) {
+        match all
+            .filter(agrees)
+            .and_then(|all| of_one_record(&[all, balance]))
+        {
             Some(both) => {
                 let combined = flux(FluxMethod::Combined, source, estimate(both));
                 let rest = inferred.chain([weighed]);
@@ -48,7 +51,9 @@ impl Calibrator {
     /// What they emit together.
     fn inferred_in_all(&self, wind_m_s: Estimate) -> Option<Interval> {
         let (at, covariance) = &self.in_the_mean;
-        let all = self.unknowns.flux_in_all(&self.base, at, covariance, wind_m_s);
+        let all = self
+            .unknowns
+            .flux_in_all(&self.base, at, covariance, wind_m_s);
         let is_known = all.value > 0.0 && all.sd.is_finite();
         is_known.then(|| Interval::of_mean(all.value, all.sd))
     }
@@ -66,7 +71,7 @@ impl Calibrator {
         };
         let model = DispersionModel::new(base.clone()).ok()?;
         let plume = PassPlume {
-            axis_agl_m: self.calibrated().effective_height_agl_m.value,
+            sources: &self.source_plumes()?,
             axis_sd_m: self.prior_sd_of(MechanismId::EffectiveHeightOffset)?,
             sigma_z_m: &|distance_m| model.sigmas_m(distance_m).1,
             sigma_z_ln_sd: self.prior_sd_of(MechanismId::SigmaZScale)?,
@@ -80,6 +85,33 @@ impl Calibrator {
         let kg_s = rate_by_passes(&samples, &study::site(base), plume, &wind, weighing)?;
         let names = self.unknowns.source_names(base, &self.in_the_mean.0);
         Some((names.join(Flux::AND), kg_s))
+    }
+
+    /// The plumes of the scenario's sources at their corrected heights, with the shares of the corrected model. One that was
+    /// found beside them counts as the first.
+    fn source_plumes(&self) -> Option<Vec<SourcePlume>> {
+        let spec = self.corrected_spec();
+        let model = DispersionModel::new(spec.clone()).ok()?;
+        let emissions = model.emissions_kg_s();
+        let all: f64 = emissions.iter().map(|e| e.1).sum();
+        let own = |name: &str| emissions.iter().find(|e| e.0 == name).map_or(0.0, |e| e.1);
+        let downwind = spec.wind.at(spec.wind.reference_height_agl_m());
+        let first = spec.sources[0].place;
+        let plume = |source: &SourceSpec| {
+            let (east_m, north_m) = (
+                source.place.east_m - first.east_m,
+                source.place.north_m - first.north_m,
+            );
+            let along = east_m * downwind.east_m_s + north_m * downwind.north_m_s;
+            SourcePlume {
+                share: own(&source.name) / all,
+                axis_agl_m: source.effective_height_agl_m,
+                downwind_m: along / downwind.speed_m_s(),
+            }
+        };
+        let mut plumes: Vec<SourcePlume> = spec.sources.iter().map(plume).collect();
+        plumes[0].share += 1.0 - plumes.iter().map(|p| p.share).sum::<f64>();
+        plumes.iter().all(|p| p.share.is_finite()).then_some(plumes)
     }
 
     fn prior_sd_of(&self, id: MechanismId) -> Option<f64> {

@@ -552,7 +552,7 @@ impl Calibrator {
     }
 
     /// Whether a reading stands out of the others, whatever the model makes of it.
-    fn has_read_a_plume(&self) -> bool {
+    pub fn has_read_a_plume(&self) -> bool {
         let rows = self.observations.rows.iter();
         let mut sorted: Vec<f64> = rows.filter_map(|r| r.co2_ppm).collect();
         sorted.sort_by(f64::total_cmp);

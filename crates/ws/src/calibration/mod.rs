@@ -91,6 +91,8 @@ pub struct Calibrator {
     predicted: peak::Predicted,
     /// The meander that crossings show; none where they may be those of a steady plume.
     meander: Option<Meander>,
+    /// By what the intervals of a meander that rests on few crossings are wider than those stated in flight.
+    few: f64,
     /// Half width of the peak's 95 % interval over its excess at which it is as well known as is asked.
     peak_within: f64,
 }
@@ -136,6 +138,7 @@ impl Calibrator {
             met_s: 0.0,
             predicted: peak::Predicted::default(),
             meander: None,
+            few: 1.0,
             peak_within: scenario.mission.peak_within.unwrap_or(peak::WITHIN),
         })
     }
@@ -402,6 +405,7 @@ impl Calibrator {
             .then(|| records.met_from_deg(&track, self.predicted.plume()));
         self.fitted_rows = self.row_count();
         let meander = Meander::of(&self.predicted, self.width_deg());
+        self.few = meander.filter(|_| !self.concludes).map_or(1.0, |m| m.few);
         self.meander = meander.map(|m| if self.concludes { m } else { m.as_seen() });
         let stated = model.stated(nearest, &posterior, self.meander.is_some())?;
         (self.covariance, self.beforehand) = (stated.covariance, stated.prior);

@@ -209,12 +209,12 @@ pub fn flux_notes(summary: &MissionSummary) -> Vec<String> {
     if summary.peak.status == PeakStatus::Doubtful && is(FluxMethod::Inference) {
         said.push("The flux by the corrected model is as doubtful as its peak.".to_owned());
     }
-    match summary.flux.first().map(|f| f.found.method) {
-        Some(FluxMethod::Inference) => said.push(
+    match [FluxMethod::Inference, FluxMethod::MassBalance, FluxMethod::Combined].map(is) {
+        [true, false, _] => said.push(
             "No mass balance: fewer than three passes cross the whole plume.".to_owned(),
         ),
-        Some(FluxMethod::MassBalance) if is(FluxMethod::Inference) => said.push(
-            "The two methods disagree by more than chance explains: nothing is averaged, and the mass balance stands."
+        [true, true, false] => said.push(
+            "The two methods disagree by more than chance explains: nothing is averaged, and the first line stands."
                 .to_owned(),
         ),
         _ => {}

@@ -12,7 +12,7 @@ use study::pass_rate::{PassPlume, SourcePlume, Weighing, rate_by_passes};
 impl Calibrator {
     /// What the sources emit, kg/s, if the wind at the scenario's reference height is `wind_m_s`: first what stands for the
     /// answer. Where corrected model and balance of mass agree that is their mean, with the interval of the narrower one,
-    /// since both read the same eddies; else the balance, which needs no model of the plume's strength.
+    /// since both read the same eddies; else, of one source, the balance, which needs no model of the plume's strength.
     pub fn fluxes(&self, wind_m_s: Estimate) -> Vec<Flux> {
         let flux = |method, source, kg_s| Flux {
             source,
@@ -38,6 +38,8 @@ impl Calibrator {
                 let rest = inferred.chain([weighed]);
                 [combined].into_iter().chain(rest).collect()
             }
+            // What single sources share of what passes carry, the balance takes from the model.
+            None if inferred.len() > 1 => inferred.chain([weighed]).collect(),
             None => [weighed].into_iter().chain(inferred).collect(),
         }
     }

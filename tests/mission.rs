@@ -198,7 +198,14 @@ fn the_reference_mission_finds_the_peak_corrects_the_model_and_raises_no_alarm()
     let (peak, flux) = (&flown.summary.peak, &flown.summary.flux);
     assert_eq!(peak.status, PeakStatus::Confirmed);
     let methods: Vec<FluxMethod> = flux.iter().map(|f| f.found.method).collect();
-    assert_eq!(methods, [FluxMethod::Inference, FluxMethod::MassBalance]);
+    assert_eq!(
+        methods,
+        [
+            FluxMethod::Combined,
+            FluxMethod::Inference,
+            FluxMethod::MassBalance
+        ]
+    );
     for flux in flux {
         let (found, truth) = (flux.found.kg_s, flux.truth_kg_s.unwrap());
         assert!((found.value - truth).abs() < 2.0 * found.sd, "{flux:?}");

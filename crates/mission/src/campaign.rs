@@ -3,12 +3,13 @@
 
 use crate::{MissionError, Run, Setup, truth};
 use air::geo::{Enu, Geodetic, LocalFrame};
-use protocol::message::{Message, Model, State};
+use protocol::message::{Message, Model, Peak, PeakStatus, State};
 use protocol::{Envelope, SimTime, Topic};
 use record::campaign::{MissionKey, MissionRow, Moment, NEAR_M, Reality};
 use record::summary::{MissionSummary, Summariser, SummaryContext, TruePeak};
 use scenario::Scenario;
 use scenario::tables::{HomeTable, VehicleKind};
+use scenario::uncertain::Uncertain;
 
 /// What a summary needs to know of a scenario beside its messages.
 ///
@@ -87,6 +88,7 @@ pub fn fly_row(setup: &Setup, key: MissionKey) -> Result<MissionRow, MissionErro
         peak_at: None,
         near: None,
         known: None,
+        confirmed: None,
         model: None,
     };
     let summary = flown(&setup, context, &mut |topic, envelope, so_far| {
@@ -101,7 +103,7 @@ pub fn fly_row(setup: &Setup, key: MissionKey) -> Result<MissionRow, MissionErro
     let real = vehicles
         .filter(|v| v.kind != VehicleKind::Simulated)
         .count();
-    let moments = [watch.near, watch.known];
+    let moments = [watch.near, watch.known, watch.confirmed];
     Ok(MissionRow::new(
         key,
         (real, has_peak),
@@ -123,6 +125,7 @@ struct Watch {
     peak_at: Option<(f64, Option<(Enu, f64)>)>,
     near: Option<Moment>,
     known: Option<Moment>,
+    confirmed: Option<Moment>,
     model: Option<Box<Model>>,
 }
 
@@ -143,6 +146,13 @@ impl Watch {
             (Topic::Model, Message::Model(model)) => {
                 if self.known.is_none() && so_far.known_s().is_some() {
                     self.known = Some(moment(envelope.time));
+                }
+                let is_confirmed = |p: Peak| p.status == PeakStatus::Confirmed;
+                if self.confirmed.is_none()
+                    && self.known.is_some()
+                    && model.peak.is_some_and(is_confirmed)
+                {
+                    self.confirmed = Some(moment(envelope.time));
                 }
                 self.model = Some(model.clone());
             }
@@ -191,11 +201,39 @@ pub fn in_case(
     };
     let mut scenario = with_team_of(&scenario, vehicles)?;
     scenario.search.strategy = strategy.to_owned();
+    if strategy == ORACLE {
+        scenario = knowing_the_axis(scenario);
+    }
     let kept = |name: &str| match setup.files.get(name) {
         Some(bytes) => Ok(bytes.clone()),
         None => read(name),
     };
     Setup::load(&reality.name, &scenario.to_toml(), &kept)
+}
+
+/// The name of a strategy that no team has, for comparison: it knows beforehand where the plume is, and flies passes at once.
+pub const ORACLE: &str = "oracle";
+/// What it flies by then.
+const OF_THE_ORACLE: &str = "posterior";
+/// How well it knows the axis: to a tenth of the width of a plume as seen from its source, degrees, and of its height, m.
+const ORACLE_SD: [f64; 2] = [0.5, 5.0];
+
+/// The scenario with direction of the wind and height of the plume as they are in its reality.
+fn knowing_the_axis(mut scenario: Scenario) -> Scenario {
+    let reality = scenario.in_reality();
+    scenario.weather.wind_from_deg = reality.weather.wind_from_deg;
+    let sources = scenario.sources.iter_mut().zip(&reality.sources);
+    for (source, real) in sources {
+        source.effective_height_m = real.effective_height_m;
+    }
+    for (key, sd) in [Uncertain::WindFrom, Uncertain::EffectiveHeight]
+        .into_iter()
+        .zip(ORACLE_SD)
+    {
+        scenario.uncertain.insert(key.key(scenario.gas()), sd);
+    }
+    scenario.search.strategy = OF_THE_ORACLE.to_owned();
+    scenario
 }
 
 /// Largest team of a campaign: that with which the rules of the airspace were tried.
@@ -306,6 +344,26 @@ mod tests {
         let all_real = as_pontes().with_stand_ins(6).unwrap().scenario;
         let refused = with_team_of(&all_real, 7).unwrap_err().to_string();
         assert!(refused.contains("1 to 6"), "{refused}");
+    }
+
+    /// The reality of as-pontes blows from 252 degrees and has its plume at 540 m; a reality that turns keeps its turn.
+    #[test]
+    fn the_oracle_knows_the_axis_and_changes_no_reality() {
+        let nothing = |_: &str| Err("no such file".to_owned());
+        for name in ["steady", "drift"] {
+            let reality = Reality {
+                name: name.to_owned(),
+                text: None,
+            };
+            let of = |strategy| in_case(&as_pontes(), &reality, strategy, 6, &nothing).unwrap();
+            let (oracle, plain) = (of(ORACLE).scenario, of(OF_THE_ORACLE).scenario);
+            assert_eq!(oracle.weather.wind_from_deg, 252.0);
+            assert_eq!(oracle.sources[0].effective_height_m, Some(540.0));
+            assert_eq!(oracle.search.strategy, OF_THE_ORACLE);
+            let [there, here] = [oracle, plain].map(|s| s.in_reality());
+            assert_eq!((there.weather, there.sources), (here.weather, here.sources));
+            assert_eq!(there.mechanisms, here.mechanisms);
+        }
     }
 
     #[test]

@@ -3,13 +3,14 @@
 //!
 //! A pass across the wind at one height carries ∫ (c − c₀) u⊥ dl through each metre of height, where u⊥ is the wind
 //! across the track and c₀ the background ([`CleanAir`]): the straight line between the clean air at both ends of the pass,
-//! or what is known of it from elsewhere. Passes of several
+//! or what is known of it from elsewhere. The height of a pass is that in which it crosses the plume: a vehicle may climb
+//! on its way there. Passes of several
 //! heights at about one distance are a curtain; integrated over height it is what the sources upwind
 //! emit, if the wind holds. A sensor's lag moves a plume along a pass and takes nothing from the
 //! integral.
 //!
 //! ```
-//! use plume::curtain::{CleanAir, Site, Sample, mass_balance};
+//! use plume::curtain::{CleanAir, Site, Sample, curtain, passes};
 //! # use plume::{Gas, Place};
 //! # use air::{geo::Enu, isa::Atmosphere, wind::WindVector};
 //! let site = Site {
@@ -21,7 +22,8 @@
 //! let wind = |_height_agl_m: f64| WindVector::from_speed_and_direction(8.0, 270.0);
 //! let none: [Sample; 0] = [];
 //! let clean = CleanAir::AtEnds { noise_sd_ppm: 3.0 };
-//! assert!(mass_balance(&none, &site, clean, &wind).is_none());
+//! let (passes, _) = passes(&none, &site, clean, &wind);
+//! assert!(curtain(&passes).is_none());
 //! ```
 
 use crate::field::Place;
@@ -30,8 +32,10 @@ use air::geo::{Enu, wrap_signed_deg};
 use air::isa::Atmosphere;
 use air::wind::WindVector;
 
-/// A pass keeps within this of its height, m: as well as an aircraft holds it in turbulence.
+/// A pass keeps within this of its height where it crosses the plume, m: as well as an aircraft holds it in turbulence.
 const SAME_LEVEL_M: f64 = 15.0;
+/// The height of a pass is its mean within so many standard deviations of the plume's bearing.
+const AT_AXIS_SD: f64 = 1.0;
 /// Samples farther apart than this belong to different passes, s.
 pub const BETWEEN_PASSES_S: f64 = 10.0;
 /// A track is across the wind while the sine of the angle between them is at least this: 45 degrees.
@@ -55,6 +59,10 @@ const IN_PLUME: f64 = 0.05;
 const SAME_DISTANCE: f64 = 1.25;
 /// Fewest heights of a curtain: a middle and what is above and below.
 const LEAST_LEVELS: usize = 3;
+/// The highest and lowest level of a curtain carry at most this part of the most: a Gaussian plume carries 0.61 a standard
+/// deviation off its axis, and a sixth of it lies beyond. Levels that are closer show scatter between passes and not the
+/// plume's end: three within 40 m of a plume with σz of 75 m weighed a quarter of it.
+const EDGE_PART: f64 = 0.65;
 /// Scatter of passes through one place, as a part of them: plumes of power plants vary by a factor of two
 /// from pass to pass.
 pub const PASS_SCATTER: f64 = 0.5;
@@ -102,10 +110,7 @@ pub enum CleanAir {
         noise_sd_ppm: f64,
     },
     /// It is known, and subtracted from the samples already; passes may begin and end at the edge of the plume.
-    Subtracted {
-        /// How well it is known, one standard deviation, the same in all samples.
-        sd_ppm: f64,
-    },
+    Subtracted,
 }
 
 /// What flows through a curtain.
@@ -113,8 +118,8 @@ pub enum CleanAir {
 pub struct CurtainFlux {
     /// Emission of all sources upwind, kg/s.
     pub kg_s: f64,
-    /// One standard deviation, from the scatter of passes, what lies beyond the lowest and highest, and a background that
-    /// was subtracted; the wind's is not in it.
+    /// One standard deviation, from the scatter of passes and what lies beyond the lowest and highest; that of the wind is
+    /// not in it.
     pub sd_kg_s: f64,
     /// Distance from the source, m.
     pub distance_m: f64,
@@ -122,8 +127,6 @@ pub struct CurtainFlux {
     pub levels: usize,
     /// Number of passes.
     pub passes: usize,
-    /// What 1 ppm of background that was not known would add, kg/(s ppm).
-    pub background_kg_s_ppm: f64,
 }
 
 /// A straight way across the wind at one height.
@@ -131,22 +134,39 @@ pub struct CurtainFlux {
 pub struct Pass {
     /// Its first and last sample, s.
     pub time_s: [f64; 2],
-    /// Mean height above ground, m.
+    /// Mean height above ground where it crosses the plume's bearing, m.
     pub height_agl_m: f64,
-    /// Mean distance from the source, m.
+    /// Mean distance from the source there, m.
     pub distance_m: f64,
     /// What flows through each metre of height, kg/(s m).
     pub kg_s_m: f64,
     /// Standard deviation of that if each reading has a noise of 1 ppm, kg/(s m ppm).
     pub noise_kg_s_m_ppm: f64,
     /// What 1 ppm of background that was not known would add, kg/(s m ppm).
-    background_kg_s_m_ppm: f64,
+    pub background_kg_s_m_ppm: f64,
     /// The integral of the excess over the way as a vector, east and north, kg/m².
     pub along_kg_m2: [f64; 2],
     /// Where the excess lies in the mean; none where nothing exceeds the background.
     pub centroid: Option<Enu>,
-    /// Bearing from the source of each part with what flows there, degrees and kg/(s m).
-    parts: Vec<(f64, f64)>,
+    parts: Vec<Part>,
+}
+
+/// The way from one sample to the next.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Part {
+    /// Bearing from the source, degrees.
+    bearing_deg: f64,
+    /// What flows through each metre of height there, kg/(s m).
+    kg_s_m: f64,
+    height_agl_m: f64,
+    distance_m: f64,
+}
+
+/// Where the plume lies as seen from its source: what flows through all of some passes.
+#[derive(Debug, Clone, Copy)]
+struct Bearing {
+    mean_deg: f64,
+    sd_deg: f64,
 }
 
 /// A way across the wind that is no pass, and why.
@@ -181,28 +201,10 @@ struct Level {
     passes: f64,
     /// Squares of what its passes are off their mean.
     off_sq: f64,
-    /// What 1 ppm of background adds, kg/(s m ppm).
-    background_kg_s_m_ppm: f64,
 }
 
-/// The balance of mass of the curtain with the most heights among `samples`, which stand platform by platform
-/// in order of time; `wind` is that of a height above ground, m. None where no curtain was flown that has the plume
-/// inside, or nothing flows through it.
-pub fn mass_balance(
-    samples: &[Sample],
-    site: &Site,
-    clean: CleanAir,
-    wind: &dyn Fn(f64) -> WindVector,
-) -> Option<CurtainFlux> {
-    let (passes, _) = passes(samples, site, clean, wind);
-    let mut flux = curtain(&passes)?.flux;
-    if let CleanAir::Subtracted { sd_ppm } = clean {
-        flux.sd_kg_s = flux.sd_kg_s.hypot(flux.background_kg_s_ppm * sd_ppm);
-    }
-    Some(flux)
-}
-
-/// All ways across the wind among `samples`, as of [`mass_balance`]: passes, and what is none.
+/// All ways across the wind among `samples`, which stand platform by platform in order of time: passes, and what is none.
+/// `wind` is that of a height above ground, m.
 pub fn passes(
     samples: &[Sample],
     site: &Site,
@@ -228,7 +230,21 @@ pub fn passes(
             Err(_) => {}
         }
     }
-    (passes, rejected)
+    let plume = Bearing::of(passes.iter());
+    let mut level = Vec::with_capacity(passes.len());
+    for mut pass in passes {
+        if pass.is_level_across(plume) {
+            pass.cross(plume);
+            level.push(pass);
+        } else {
+            rejected.push(RejectedPass {
+                time_s: pass.time_s,
+                distance_m: pass.distance_m,
+                reason: "it climbs or descends through the plume",
+            });
+        }
+    }
+    (level, rejected)
 }
 
 /// The curtain with the most heights among `passes`; none where none has the plume inside, or nothing flows through it.
@@ -256,7 +272,6 @@ pub fn curtain(passes: &[Pass]) -> Option<Curtain> {
             distance_m,
             levels: levels.len(),
             passes: passes.len(),
-            background_kg_s_ppm: whole.background_kg_s_ppm,
         },
         used: passes.iter().map(|p| ((*p).clone(), share(p))).collect(),
         above_kg_s: whole.above_kg_s,
@@ -264,7 +279,7 @@ pub fn curtain(passes: &[Pass]) -> Option<Curtain> {
     })
 }
 
-/// Stretches at one height across the wind, in one direction.
+/// Stretches across the wind, in one direction.
 fn stretches<'a>(samples: &'a [Sample], wind: &dyn Fn(f64) -> WindVector) -> Vec<&'a [Sample]> {
     let side = |a: &Sample, b: &Sample| {
         let (east, north) = step_m(a, b);
@@ -281,12 +296,11 @@ fn stretches<'a>(samples: &'a [Sample], wind: &dyn Fn(f64) -> WindVector) -> Vec
     let mut first = 0;
     for k in 1..=samples.len() {
         let goes_on = samples.get(k).is_some_and(|next| {
-            let (last, from) = (&samples[k - 1], &samples[first]);
+            let last = &samples[k - 1];
             let way = side(last, next);
-            let turns = k > first + 1 && way != side(from, &samples[first + 1]);
+            let turns = k > first + 1 && way != side(&samples[first], &samples[first + 1]);
             next.platform == last.platform
                 && next.time_s - last.time_s <= BETWEEN_PASSES_S
-                && (next.place.height_agl_m - from.place.height_agl_m).abs() <= SAME_LEVEL_M
                 && way != 0.0
                 && !turns
         });
@@ -320,65 +334,101 @@ impl Pass {
         }
         let excess = match clean {
             CleanAir::AtEnds { noise_sd_ppm } => above_ends(samples, at_end, noise_sd_ppm)?,
-            CleanAir::Subtracted { .. } => samples.iter().map(|s| s.ppm).collect(),
+            CleanAir::Subtracted => samples.iter().map(|s| s.ppm).collect(),
         };
-        let height_agl_m =
-            samples.iter().map(|s| s.place.height_agl_m).sum::<f64>() / samples.len() as f64;
-        let air = site.atmosphere.at(site.ground_amsl_m + height_agl_m);
-        let there = wind(height_agl_m);
-        let (mut kg_s_m, mut along_kg_m2, mut parts) = (0.0, [0.0; 2], Vec::new());
-        let (mut distance_m, mut weight, mut centroid) = (0.0, 0.0, [0.0; 2]);
-        let mut weights_m2_s = vec![0.0; samples.len()];
+        let (mut along_kg_m2, mut parts) = ([0.0; 2], Vec::new());
+        let (mut weight, mut centroid) = (0.0, [0.0; 2]);
+        let mut weights_kg_s_m_ppm = vec![0.0; samples.len()];
         for k in 0..samples.len() - 1 {
             let (a, b) = (&samples[k], &samples[k + 1]);
             let (east, north) = step_m(a, b);
+            let height_agl_m = f64::midpoint(a.place.height_agl_m, b.place.height_agl_m);
+            let there = wind(height_agl_m);
             let across_m2_s = (east * there.north_m_s - north * there.east_m_s).abs();
-            let kg_m3 = site.gas.kg_m3(0.5 * (excess[k] + excess[k + 1]), air);
+            let air = site.atmosphere.at(site.ground_amsl_m + height_agl_m);
+            let kg_m3_ppm = site.gas.kg_m3(1.0, air);
+            let kg_m3 = kg_m3_ppm * f64::midpoint(excess[k], excess[k + 1]);
             let at = Enu::new(a.place.east_m + 0.5 * east, a.place.north_m + 0.5 * north);
-            distance_m += site.source.distance_m(at);
-            kg_s_m += kg_m3 * across_m2_s;
             along_kg_m2[0] += kg_m3 * east;
             along_kg_m2[1] += kg_m3 * north;
             let positive = kg_m3.max(0.0) * east.hypot(north);
             weight += positive;
             centroid[0] += positive * at.east_m;
             centroid[1] += positive * at.north_m;
-            parts.push((site.source.bearing_deg(at), kg_m3 * across_m2_s));
-            weights_m2_s[k] += 0.5 * across_m2_s;
-            weights_m2_s[k + 1] += 0.5 * across_m2_s;
+            parts.push(Part {
+                bearing_deg: site.source.bearing_deg(at),
+                kg_s_m: kg_m3 * across_m2_s,
+                height_agl_m,
+                distance_m: site.source.distance_m(at),
+            });
+            weights_kg_s_m_ppm[k] += 0.5 * kg_m3_ppm * across_m2_s;
+            weights_kg_s_m_ppm[k + 1] += 0.5 * kg_m3_ppm * across_m2_s;
         }
-        let of_all = weights_m2_s.iter().sum::<f64>();
+        let of_all = weights_kg_s_m_ppm.iter().sum::<f64>();
         // Each reading by itself, and the line through the ends under all of them.
         let of_line = match clean {
             CleanAir::AtEnds { .. } => of_all.powi(2) / (2 * at_end) as f64,
-            CleanAir::Subtracted { .. } => 0.0,
+            CleanAir::Subtracted => 0.0,
         };
-        let of_readings: f64 = weights_m2_s.iter().map(|w| w * w).sum();
-        Ok(Self {
+        let of_readings: f64 = weights_kg_s_m_ppm.iter().map(|w| w * w).sum();
+        let mut pass = Self {
             time_s: [samples[0].time_s, samples[samples.len() - 1].time_s],
-            height_agl_m,
-            distance_m: distance_m / parts.len() as f64,
-            kg_s_m,
-            noise_kg_s_m_ppm: site.gas.kg_m3((of_line + of_readings).sqrt(), air),
-            background_kg_s_m_ppm: site.gas.kg_m3(of_all, air),
+            height_agl_m: 0.0,
+            distance_m: 0.0,
+            kg_s_m: parts.iter().map(|p| p.kg_s_m).sum(),
+            noise_kg_s_m_ppm: (of_line + of_readings).sqrt(),
+            background_kg_s_m_ppm: of_all,
             along_kg_m2,
             centroid: (weight > 0.0).then(|| Enu::new(centroid[0] / weight, centroid[1] / weight)),
             parts,
-        })
+        };
+        pass.is_at(|_| true);
+        Ok(pass)
+    }
+
+    /// States height and distance as the means of those of its parts that are `there`; they stay where none is.
+    fn is_at(&mut self, there: impl Fn(&Part) -> bool) {
+        let those: Vec<&Part> = self.parts.iter().filter(|p| there(p)).collect();
+        let mean =
+            |of: fn(&Part) -> f64| those.iter().map(|p| of(p)).sum::<f64>() / those.len() as f64;
+        if !those.is_empty() {
+            (self.height_agl_m, self.distance_m) =
+                (mean(|p| p.height_agl_m), mean(|p| p.distance_m));
+        }
+    }
+
+    /// States height and distance where it crosses the plume's bearing.
+    fn cross(&mut self, plume: Bearing) {
+        self.is_at(|part| plume.off_deg(part).abs() <= AT_AXIS_SD * plume.sd_deg);
+    }
+
+    /// Whether it keeps its height across the plume.
+    fn is_level_across(&self, plume: Bearing) -> bool {
+        let within = COVERED_SD * plume.sd_deg;
+        let across = self
+            .parts
+            .iter()
+            .filter(|p| plume.off_deg(p).abs() <= within);
+        // Minus infinity where it does not come to the plume.
+        let (low, high) = range(across.map(|p| p.height_agl_m));
+        high - low <= 2.0 * SAME_LEVEL_M
     }
 
     /// Whether it crosses all bearings within so many degrees of one.
     pub fn covers(&self, bearing_deg: f64, within_deg: f64) -> bool {
-        let off = |p: &(f64, f64)| wrap_signed_deg(p.0 - bearing_deg);
-        let (low, high) = self
-            .parts
-            .iter()
-            .map(off)
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), off| {
-                (low.min(off), high.max(off))
-            });
+        let off = |p: &Part| wrap_signed_deg(p.bearing_deg - bearing_deg);
+        // On the other side of the source nothing is crossed.
+        let ahead = self.parts.iter().map(off).filter(|off| off.abs() < 90.0);
+        let (low, high) = range(ahead);
         low <= -within_deg && high >= within_deg
     }
+}
+
+/// The least and the most of values.
+fn range(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
+        (low.min(value), high.max(value))
+    })
 }
 
 /// The excess over the line through the middles of the ends of a pass, each of `at_end` samples, ppm; the condition that is
@@ -406,22 +456,37 @@ fn mean(samples: &[Sample]) -> f64 {
     samples.iter().map(|s| s.ppm).sum::<f64>() / samples.len() as f64
 }
 
+impl Bearing {
+    fn of<'a>(passes: impl Iterator<Item = &'a Pass>) -> Self {
+        let parts: Vec<&Part> = passes.flat_map(|p| &p.parts).collect();
+        let (highest_deg, most) = parts
+            .iter()
+            .max_by(|a, b| a.kg_s_m.total_cmp(&b.kg_s_m))
+            .map_or((0.0, 0.0), |p| (p.bearing_deg, p.kg_s_m.max(0.0)));
+        let (mut sum, mut first, mut second) = (0.0, 0.0, 0.0);
+        for part in parts.iter().filter(|p| p.kg_s_m > IN_PLUME * most) {
+            let off = wrap_signed_deg(part.bearing_deg - highest_deg);
+            sum += part.kg_s_m;
+            first += part.kg_s_m * off;
+            second += part.kg_s_m * off * off;
+        }
+        let off = first / sum;
+        Self {
+            mean_deg: highest_deg + off,
+            sd_deg: (second / sum - off * off).max(0.0).sqrt(),
+        }
+    }
+
+    /// How far a part lies off, degrees.
+    fn off_deg(self, part: &Part) -> f64 {
+        wrap_signed_deg(part.bearing_deg - self.mean_deg)
+    }
+}
+
 /// Those of passes that cross the whole plume: where it lies is what flows through all of them.
 pub fn covering(passes: Vec<&Pass>) -> Vec<&Pass> {
-    let parts = || passes.iter().flat_map(|p| &p.parts);
-    let (highest, most) = parts()
-        .max_by(|a, b| a.1.total_cmp(&b.1))
-        .map_or((0.0, 0.0), |p| (p.0, p.1.max(0.0)));
-    let (mut sum, mut first, mut second) = (0.0, 0.0, 0.0);
-    for (bearing_deg, kg_s_m) in parts().filter(|p| p.1 > IN_PLUME * most) {
-        let off = wrap_signed_deg(bearing_deg - highest);
-        sum += kg_s_m;
-        first += kg_s_m * off;
-        second += kg_s_m * off * off;
-    }
-    let off = first / sum;
-    let within_deg = COVERED_SD * (second / sum - off * off).max(0.0).sqrt();
-    let covers = |p: &&Pass| p.covers(highest + off, within_deg);
+    let plume = Bearing::of(passes.iter().copied());
+    let covers = |p: &&Pass| p.covers(plume.mean_deg, COVERED_SD * plume.sd_deg);
     passes.iter().copied().filter(covers).collect()
 }
 
@@ -438,7 +503,6 @@ fn levels(passes: &[&Pass]) -> Vec<Level> {
             kg_s_m,
             passes: n,
             off_sq: same.iter().map(|p| (p.kg_s_m - kg_s_m).powi(2)).sum(),
-            background_kg_s_m_ppm: mean(|p| p.background_kg_s_m_ppm),
         }
     };
     let mut rest = sorted.as_slice();
@@ -452,16 +516,16 @@ fn levels(passes: &[&Pass]) -> Vec<Level> {
     levels
 }
 
-/// Whether passes above and below the height of the most flow carry less: else more may flow beyond the curtain than
-/// through it. Below a plume that lies on the ground there is nothing.
+/// Whether the highest and the lowest level carry much less than the one between that carries the most: else more may flow
+/// beyond the curtain than through it. Below a plume that lies on the ground there is nothing.
 fn holds_the_plume(levels: &[Level]) -> bool {
     if levels.len() < LEAST_LEVELS {
         return false;
     }
-    let flow = |k: &usize| levels[*k].kg_s_m;
-    let most = (0..levels.len()).max_by(|a, b| flow(a).total_cmp(&flow(b)));
+    let most = levels.iter().map(|l| l.kg_s_m).fold(0.0, f64::max);
+    let ends = |k: usize| levels[k].kg_s_m <= EDGE_PART * most;
     let on_ground = levels[0].height_agl_m <= levels[1].height_agl_m - levels[0].height_agl_m;
-    most.is_some_and(|most| most + 1 < levels.len() && (most > 0 || on_ground))
+    ends(levels.len() - 1) && (on_ground || ends(0))
 }
 
 /// The integral over height.
@@ -472,7 +536,6 @@ struct Integral {
     weights_m: Vec<f64>,
     above_kg_s: f64,
     below_kg_s: f64,
-    background_kg_s_ppm: f64,
 }
 
 /// The integral over height by trapezoids, down to nothing over one more spacing at both ends, or to the ground;
@@ -515,9 +578,6 @@ fn integral(levels: &[Level]) -> Option<Integral> {
         weights_m: (0..=last).map(weight_m).collect(),
         above_kg_s: above_m * levels[last].kg_s_m,
         below_kg_s: below_m * levels[0].kg_s_m,
-        background_kg_s_ppm: (0..=last)
-            .map(|k| weight_m(k) * levels[k].background_kg_s_m_ppm)
-            .sum(),
     })
 }
 
@@ -543,6 +603,14 @@ mod tests {
 
     fn wind(_height_agl_m: f64) -> WindVector {
         WindVector::from_speed_and_direction(WIND_M_S, 270.0)
+    }
+
+    fn weighed(
+        samples: &[Sample],
+        clean: CleanAir,
+        wind: &dyn Fn(f64) -> WindVector,
+    ) -> Option<CurtainFlux> {
+        Some(curtain(&passes(samples, &site(), clean, wind).0)?.flux)
     }
 
     /// Passes at 1100 m east of a source, 20 m apart, in a Gaussian plume whose flux is Q by its formula
@@ -579,7 +647,7 @@ mod tests {
     #[test]
     fn what_was_emitted_flows_through_the_curtain() {
         let samples = flown(&STEPS, |_| 1.0);
-        let found = mass_balance(&samples, &site(), AT_ENDS, &wind).unwrap();
+        let found = weighed(&samples, AT_ENDS, &wind).unwrap();
         assert!((found.kg_s / Q_KG_S - 1.0).abs() < 0.02, "{found:?}");
         assert_eq!((found.levels, found.passes), (5, 5));
         assert!((found.distance_m - 1100.0).abs() < 60.0);
@@ -595,23 +663,41 @@ mod tests {
     fn passes_that_turn_at_the_edge_of_the_plume_need_the_background() {
         let mut samples = flown(&STEPS, |_| 1.0);
         samples.retain(|s| s.place.north_m.abs() <= 220.0);
-        let by_ends = mass_balance(&samples, &site(), AT_ENDS, &wind).unwrap();
+        let by_ends = weighed(&samples, AT_ENDS, &wind).unwrap();
         assert!((by_ends.kg_s / Q_KG_S - 0.802).abs() < 0.01, "{by_ends:?}");
         for s in &mut samples {
             s.ppm -= 420.0 + 0.05 * (s.time_s % 100.0);
         }
-        let above = |sd_ppm| {
-            let clean = CleanAir::Subtracted { sd_ppm };
-            mass_balance(&samples, &site(), clean, &wind).unwrap()
-        };
-        let known = above(0.0);
+        let known = weighed(&samples, CleanAir::Subtracted, &wind).unwrap();
         assert!((known.kg_s / Q_KG_S - 0.976).abs() < 0.01, "{known:?}");
-        // A background that is 1 ppm lower adds 1 ppm over 440 m, five levels of 50 m and the wind of 8 m/s.
-        let air = site().atmosphere.at(340.0 + AXIS_AGL_M);
-        let per_ppm = Gas::Co2.kg_m3(1.0, air) * 440.0 * 250.0 * WIND_M_S;
-        assert!((known.background_kg_s_ppm / per_ppm - 1.0).abs() < 0.02);
-        let sd_kg_s = known.sd_kg_s.hypot(20.0 * known.background_kg_s_ppm);
-        assert!((above(20.0).sd_kg_s / sd_kg_s - 1.0).abs() < 1e-9);
+        // A background that is 1 ppm lower adds 1 ppm over 440 m in the wind of 8 m/s.
+        let (flown, _) = passes(&samples, &site(), CleanAir::Subtracted, &wind);
+        for pass in flown {
+            let air = site().atmosphere.at(340.0 + pass.height_agl_m);
+            let per_ppm = Gas::Co2.kg_m3(1.0, air) * 440.0 * WIND_M_S;
+            assert!((pass.background_kg_s_m_ppm / per_ppm - 1.0).abs() < 1e-3);
+        }
+    }
+
+    /// A vehicle that reaches its height before the plume, and leaves it behind the plume, has crossed the plume level; one
+    /// that climbs by more than 30 m within two standard deviations has not. The balance of the level part is that of
+    /// [`what_was_emitted_flows_through_the_curtain`].
+    #[test]
+    fn a_pass_is_level_where_it_crosses_the_plume() {
+        let climbing = |beyond_m: f64| {
+            let mut samples = flown(&STEPS, |_| 1.0);
+            for s in &mut samples {
+                let beyond = (s.place.north_m.abs() - beyond_m).max(0.0);
+                s.place.height_agl_m += 0.4 * beyond * s.place.north_m.signum();
+            }
+            samples
+        };
+        let found = weighed(&climbing(200.0), AT_ENDS, &wind).unwrap();
+        assert!((found.kg_s / Q_KG_S - 1.0).abs() < 0.02, "{found:?}");
+        assert_eq!(found.levels, 5);
+        let (_, rejected) = passes(&climbing(20.0), &site(), AT_ENDS, &wind);
+        assert_eq!(rejected.len(), 5);
+        assert!(rejected[0].reason.contains("climbs"));
     }
 
     /// Heights closer than those of one level are still several levels, as passes are that follow an axis whose estimate
@@ -619,7 +705,7 @@ mod tests {
     #[test]
     fn passes_at_many_heights_are_not_one_level() {
         let heights: Vec<f64> = (0..21).map(|k| 380.0 + 12.0 * f64::from(k)).collect();
-        let found = mass_balance(&flown(&heights, |_| 1.0), &site(), AT_ENDS, &wind).unwrap();
+        let found = weighed(&flown(&heights, |_| 1.0), AT_ENDS, &wind).unwrap();
         assert!((found.kg_s / Q_KG_S - 0.988).abs() < 0.01, "{found:?}");
         assert_eq!((found.levels, found.passes), (11, 21));
     }
@@ -631,7 +717,7 @@ mod tests {
             WindVector::from_speed_and_direction(2.0 * w.speed_m_s(), 270.0)
         };
         let of = |strength: f64, wind: &dyn Fn(f64) -> WindVector| {
-            mass_balance(&flown(&STEPS, |_| strength), &site(), AT_ENDS, wind).unwrap()
+            weighed(&flown(&STEPS, |_| strength), AT_ENDS, wind).unwrap()
         };
         let (one, faster, stronger) = (of(1.0, &wind), of(1.0, &twice), of(3.0, &wind));
         assert!((faster.kg_s / one.kg_s - 2.0).abs() < 1e-9);
@@ -642,25 +728,22 @@ mod tests {
     #[test]
     fn a_curtain_has_three_heights_and_whole_passes() {
         let two = flown(&STEPS[1..3], |_| 1.0);
-        assert_eq!(mass_balance(&two, &site(), AT_ENDS, &wind), None);
+        assert_eq!(weighed(&two, AT_ENDS, &wind), None);
         // Half of each pass: one end is in the plume.
         let half: Vec<Sample> = flown(&STEPS, |_| 1.0)
             .into_iter()
             .filter(|s| s.place.north_m < 50.0)
             .collect();
-        assert_eq!(mass_balance(&half, &site(), AT_ENDS, &wind), None);
+        assert_eq!(weighed(&half, AT_ENDS, &wind), None);
         // Along the wind nothing is crossed.
         let along = |_: f64| WindVector::from_speed_and_direction(WIND_M_S, 0.0);
-        assert_eq!(
-            mass_balance(&flown(&STEPS, |_| 1.0), &site(), AT_ENDS, &along),
-            None
-        );
+        assert_eq!(weighed(&flown(&STEPS, |_| 1.0), AT_ENDS, &along), None);
     }
 
     /// Beyond a height that carries the most the plume may go on: 12 kg/s were weighed for 528 so.
     #[test]
     fn a_curtain_with_the_plume_at_its_edge_weighs_nothing_but_one_on_the_ground_does() {
-        let of = |heights: &[f64]| mass_balance(&flown(heights, |_| 1.0), &site(), AT_ENDS, &wind);
+        let of = |heights: &[f64]| weighed(&flown(heights, |_| 1.0), AT_ENDS, &wind);
         assert!(of(&STEPS[1..4]).is_some());
         assert_eq!(of(&STEPS[2..]), None);
         assert_eq!(of(&STEPS[..3]), None);
@@ -676,7 +759,7 @@ mod tests {
             samples.into_iter().map(down).collect()
         };
         let low = grounded(flown(&STEPS[2..], |_| 1.0));
-        assert!(mass_balance(&low, &site(), AT_ENDS, &wind).is_some());
+        assert!(weighed(&low, AT_ENDS, &wind).is_some());
     }
 
     /// Passes that agree make it surer, passes that do not less sure.
@@ -684,7 +767,7 @@ mod tests {
     fn the_scatter_of_passes_is_in_the_standard_deviation() {
         let twice: Vec<f64> = STEPS.iter().chain(&STEPS).copied().collect();
         let of = |strength: fn(usize) -> f64| {
-            let found = mass_balance(&flown(&twice, strength), &site(), AT_ENDS, &wind).unwrap();
+            let found = weighed(&flown(&twice, strength), AT_ENDS, &wind).unwrap();
             found.sd_kg_s / found.kg_s
         };
         let alike = of(|_| 1.0);

@@ -475,8 +475,10 @@ impl Flux {
 pub enum FluxMethod {
     /// From the corrected model and the wind that was measured.
     Inference,
-    /// Mass balance through a curtain of passes downwind.
+    /// Mass balance of passes across the plume.
     MassBalance,
+    /// Both, which agree; last because methods are numbered in recordings.
+    Combined,
 }
 
 /// A place worth flying to.

@@ -191,6 +191,8 @@ pub struct MissionRow {
     pub near: Option<Moment>,
     /// When the peak was first confirmed or supported.
     pub known: Option<Moment>,
+    /// When it was first confirmed: as well known as the mission asks.
+    pub confirmed: Option<Moment>,
     /// Error of the map at the end.
     pub map: Option<MapError>,
     /// What was stated of which the truth is known.
@@ -209,7 +211,7 @@ impl MissionRow {
         key: MissionKey,
         (real, has_peak): (usize, bool),
         summary: &MissionSummary,
-        [near, known]: [Option<Moment>; 2],
+        [near, known, confirmed]: [Option<Moment>; 3],
         map: Option<MapError>,
     ) -> Self {
         let vehicles = &summary.vehicles;
@@ -221,6 +223,7 @@ impl MissionRow {
             has_peak,
             near,
             known,
+            confirmed,
             map,
             // Of a plume that is not there nothing is true.
             stated: if has_peak {
@@ -354,6 +357,7 @@ pub(crate) mod made_up {
             has_peak: true,
             near: known_s.map(|s| moment(s / 2.0)),
             known: known_s.map(moment),
+            confirmed: known_s.map(moment),
             map: Some(MapError {
                 rmse_ppm: 20.0,
                 plume_rms_ppm: 80.0,

@@ -627,7 +627,9 @@ impl Summariser {
         let truth_kg_s = match found.method {
             FluxMethod::Inference => known.iter().find(|k| k.0 == found.source).map(|k| k.1),
             // Passes weigh what goes through them, whatever the model knows of.
-            FluxMethod::MassBalance => (!known.is_empty()).then(|| known.iter().map(|k| k.1).sum()),
+            FluxMethod::MassBalance | FluxMethod::Combined => {
+                (!known.is_empty()).then(|| known.iter().map(|k| k.1).sum())
+            }
         };
         FluxSummary {
             truth_kg_s,

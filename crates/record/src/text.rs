@@ -1,6 +1,7 @@
 //! A summary in words, for the terminal.
 
 use crate::colour::number;
+use crate::intervals::positive_interval_95;
 use crate::summary::{
     CORRECTED, FluxSummary, GapSummary, HighestReading, MissionSummary, ModelNumber, Outcome,
     ppm_of,
@@ -126,7 +127,8 @@ pub fn peak(summary: &MissionSummary) -> String {
             estimate(p)
         ),
         (PeakStatus::Supported, Some(p)) => format!(
-            "Found: a peak of {}. Real readings support it, but too few crossings are near it to confirm it.",
+            "Found: a peak of {}. Real readings support it, but do not confirm it: too few crossings are near it, or its \
+             interval is wider than asked for.",
             estimate(p)
         ),
         (PeakStatus::Doubtful, Some(p)) => {
@@ -184,6 +186,7 @@ pub fn flux_method(method: FluxMethod) -> &'static str {
     match method {
         FluxMethod::Inference => "the corrected model",
         FluxMethod::MassBalance => "the mass balance of passes",
+        FluxMethod::Combined => "both methods",
     }
 }
 
@@ -206,11 +209,15 @@ pub fn flux_notes(summary: &MissionSummary) -> Vec<String> {
     if summary.peak.status == PeakStatus::Doubtful && is(FluxMethod::Inference) {
         said.push("The flux by the corrected model is as doubtful as its peak.".to_owned());
     }
-    if is(FluxMethod::Inference) && !is(FluxMethod::MassBalance) {
-        said.push(
-            "No mass balance: passes that cross the whole plume exist at too few heights."
+    match [FluxMethod::Inference, FluxMethod::MassBalance, FluxMethod::Combined].map(is) {
+        [true, false, _] => said.push(
+            "No mass balance: fewer than three passes cross the whole plume.".to_owned(),
+        ),
+        [true, true, false] => said.push(
+            "The two methods disagree by more than chance explains: nothing is averaged, and the first line stands."
                 .to_owned(),
-        );
+        ),
+        _ => {}
     }
     said
 }
@@ -240,9 +247,14 @@ fn flux(flux: &FluxSummary) -> String {
     let reality = flux.truth_kg_s.map_or(String::new(), |q| {
         format!("; {} in the stand-in's reality", significant(q))
     });
+    // A rate is positive, and ± would reach below zero where it is hardly known.
+    let interval = positive_interval_95(*kg_s).map_or("unknown".to_owned(), |[low, high]| {
+        let [low, high] = [low, high].map(significant);
+        format!("95 % interval {low} to {high}")
+    });
     format!(
-        "Flux of {source}: {} kg/s by {method}{reality}.",
-        plus_minus(kg_s.value, kg_s.sd)
+        "Flux of {source}: {} kg/s ({interval}) by {method}{reality}.",
+        significant(kg_s.value)
     )
 }
 

@@ -56,6 +56,19 @@ pub fn agreement_p(a: Interval, b: Interval) -> Option<f64> {
     z.is_finite().then(|| erfc(z / std::f64::consts::SQRT_2))
 }
 
+/// Methods agree where a difference as large as theirs has this probability or more.
+pub const AGREEMENT_P: f64 = 0.05;
+
+/// The mean of ln rates of one record by several methods, weighted by their variances. Its interval is as wide as the
+/// narrowest: the methods read the same eddies. None of nothing.
+pub fn of_one_record(rates: &[Interval]) -> Option<Interval> {
+    let weight = |rate: &Interval| rate.ln_sd().powi(-2);
+    let all: f64 = rates.iter().map(weight).sum();
+    let ln = rates.iter().map(|r| r.value.ln() * weight(r)).sum::<f64>() / all;
+    let ln_sd = rates.iter().map(Interval::ln_sd).reduce(f64::min)?;
+    Some(Interval::of_ln_normal(ln.exp(), ln_sd))
+}
+
 impl Visit {
     /// Variance of ln rate by a term.
     fn variance(&self, term: Term) -> f64 {

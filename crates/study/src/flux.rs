@@ -1,6 +1,6 @@
 //! The rate of a source by every method whose conditions the observations meet, and the conclusion from all.
 
-use crate::combine::agreement_p;
+use crate::combine::{AGREEMENT_P, agreement_p, of_one_record};
 use crate::tracks::{ALWAYS, Winds, mean_height_agl_m, samples, site};
 use crate::{
     Interval, PassFlux, PlumeFlux, Share, StudyError, Term, budget, gain_ln_sd, network, not_calm,
@@ -15,8 +15,6 @@ use serde::Serialize;
 /// Of what lies beyond the lowest and highest pass as much is not known, one standard deviation, as in
 /// [`plume::curtain`].
 const EDGE_SD: f64 = 0.5;
-/// Methods agree where a difference as large as theirs has this probability or more.
-const AGREEMENT_P: f64 = 0.05;
 
 /// A way to estimate a rate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -221,20 +219,7 @@ impl Fluxes {
 
 /// The mean of ln rates by their variances. Its interval is as wide as the narrowest: the methods read the same eddies.
 fn combined(estimates: &[&SourceFlux]) -> SourceFlux {
-    let rates: Vec<(f64, f64)> = estimates
-        .iter()
-        .filter_map(|e| e.kg_s)
-        .map(|rate| (rate.value.ln(), rate.ln_sd()))
-        .collect();
-    let weights: Vec<f64> = rates.iter().map(|r| r.1.powi(-2)).collect();
-    let all: f64 = weights.iter().sum();
-    let ln = rates
-        .iter()
-        .zip(&weights)
-        .map(|(r, w)| r.0 * w)
-        .sum::<f64>()
-        / all;
-    let ln_sd = rates.iter().map(|r| r.1).fold(f64::INFINITY, f64::min);
+    let rates: Vec<Interval> = estimates.iter().filter_map(|e| e.kg_s).collect();
     let narrowest = estimates
         .iter()
         .filter(|e| e.kg_s.is_some())
@@ -247,7 +232,7 @@ fn combined(estimates: &[&SourceFlux]) -> SourceFlux {
     let names: Vec<&str> = estimates.iter().map(|e| e.method.name()).collect();
     SourceFlux {
         method: Method::Combined,
-        kg_s: Some(Interval::of_ln_normal(ln.exp(), ln_sd)),
+        kg_s: of_one_record(&rates),
         notes: vec![format!(
             "weighted mean of {}, which agree; the interval is no narrower than that of the best of them",
             names.join(" and ")

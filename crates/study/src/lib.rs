@@ -5,7 +5,7 @@
 //! - [`plume::curtain`]: the balance of mass of passes at several heights, without a model of the plume's spread;
 //! - [`point`]: one sensor at rest with a wind logged beside it: a car parked downwind, a mast, a hovering drone;
 //! - [`network`]: several sensors at rest;
-//! - [`transects`]: passes across the plume, each by its plume integral.
+//! - [`transects`]: passes across the plume, each by its plume integral; [`pass_rate`] those of a mission.
 //!
 //! [`tracer`] compares the gas with one that is released beside the source at a known rate. [`combine`] gives the mean of
 //! several visits. Each estimate carries a 95 % interval, the terms that make it wide, and the part of the record that it
@@ -18,6 +18,7 @@ pub mod combine;
 pub mod flux;
 mod grid;
 pub mod network;
+pub mod pass_rate;
 pub mod point;
 pub mod position;
 mod profile;
@@ -72,6 +73,11 @@ impl Interval {
     /// That of a positive quantity of which mean and standard deviation are known.
     pub fn of_mean(value: f64, sd: f64) -> Self {
         Self::of_ln_normal(value, (sd / value).powi(2).ln_1p().sqrt())
+    }
+
+    /// The standard deviation over the value of which [`Self::of_mean`] makes an interval as wide.
+    pub fn relative_sd(&self) -> f64 {
+        self.ln_sd().powi(2).exp_m1().sqrt()
     }
 
     /// Standard deviation of its logarithm, by its 95 % interval.

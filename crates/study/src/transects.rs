@@ -6,12 +6,13 @@
 //! only tells which ways lie across it. Rate, σz and height of the plume are common to all passes, and the plume's axis
 //! wanders up and down meanwhile (`wander.rs`). The posterior of the rate is computed on a grid.
 
-use crate::grid::{Summed, interval, mean, normal_grid, weighted_quantile};
+use crate::grid::{interval, mean, normal_grid, weighted_quantile};
+use crate::pass_rate::{LEAST_PASSES, Posterior, is_met};
 use crate::position;
 use crate::profile::DIRECTION_SD_DEG;
 use crate::tracks::{ALWAYS, MeanWind, Winds, mean_height_agl_m, samples, site};
 use crate::vertical::{MeanPlume, Vertical};
-use crate::wander::{Crossing, Wander};
+use crate::wander::Crossing;
 use crate::{PassFlux, PlumeFlux, StudyError, Term, budget, not_calm};
 use air::geo::{Enu, wrap_signed_deg};
 use air::wind::WindVector;
@@ -19,20 +20,14 @@ use plume::curtain::{CleanAir, Pass, RejectedPass, Sample, covering, passes};
 use scenario::Scenario;
 use scenario::observations::{Observations, checks};
 
-/// Fewest passes: the scatter of two says nothing of turbulence.
-const LEAST_PASSES: usize = 3;
 /// Readings are averaged until the platform has moved so far, m: positions of a vehicle that stands scatter by a few
 /// metres, and show no way.
 const STEP_M: f64 = 5.0;
-/// The plume is met where a pass carries this many standard deviations of the sensor's noise, as at a sensor at rest.
-const MET_SD: f64 = 5.0;
 /// A pass says something of the rate by itself where the plume's density is at least this part of that on its axis: two
 /// standard deviations off.
 const LEAST_PART: f64 = 0.135;
-/// Steps of the grids of σz and height, and of ln rate: reach about the strongest pass, and number.
+/// Steps of the grids of σz and height.
 const GRID_STEPS: usize = 13;
-const RATE_REACH_LN: f64 = 4.0;
-const RATE_STEPS: usize = 81;
 
 /// Estimates the rate of the source of `scenario` from the passes of `observations`.
 ///
@@ -109,7 +104,7 @@ impl Transects<'_> {
     }
 
     fn is_met(&self, pass: &Pass) -> bool {
-        pass.kg_s_m > MET_SD * pass.noise_kg_s_m_ppm * self.noise_sd_ppm
+        is_met(pass, self.noise_sd_ppm)
     }
 
     /// Whether a pass crosses where the wind carries the plume, and so much to both sides as the vane may be wrong.
@@ -224,26 +219,12 @@ impl Transects<'_> {
         let mut seen: Vec<(Crossing, f64)> =
             used.iter().map(|p| self.crossing(p, source)).collect();
         seen.sort_by(|a, b| a.0.time_s.total_cmp(&b.0.time_s));
-        let (crossings, distances): (Vec<Crossing>, Vec<f64>) = seen.into_iter().unzip();
-        let wander = Wander::new(&crossings);
-        let plumes = |off: [f64; 2]| -> Vec<MeanPlume> {
-            distances.iter().map(|d| self.plume(*d, off)).collect()
-        };
-        let middle = middle_ln(&crossings, &plumes([0.0; 2]));
-        let rates: Vec<f64> = (0..RATE_STEPS)
-            .map(|k| middle + RATE_REACH_LN * (2.0 * k as f64 / (RATE_STEPS - 1) as f64 - 1.0))
-            .collect();
-        let kg_s: Vec<f64> = rates.iter().map(|r| r.exp()).collect();
-        let mut cells = Vec::new();
-        for (sigma_z, by_sigma_z) in normal_grid(GRID_STEPS) {
-            for (height, by_height) in self.vertical.height_steps(GRID_STEPS) {
-                let beforehand = (by_sigma_z * by_height).ln();
-                let ln = wander.ln_likelihood(&plumes([sigma_z, height]), &kg_s);
-                let ln: Vec<f64> = ln.into_iter().map(|l| l + beforehand).collect();
-                cells.push(([sigma_z, height], ln));
-            }
-        }
-        Posterior::summed(&rates, &cells)
+        let plume = |distance_m: f64, off: [f64; 2]| vec![(1.0, self.plume(distance_m, off))];
+        let grids = [
+            normal_grid(GRID_STEPS),
+            self.vertical.height_steps(GRID_STEPS),
+        ];
+        Posterior::of(&seen, &plume, grids)
     }
 
     /// All passes in order of time.
@@ -254,42 +235,6 @@ impl Transects<'_> {
             PassFlux::of(pass, self.own_kg_s(pass), unused)
         };
         PassFlux::in_order(passes.iter().map(of), rejected)
-    }
-}
-
-/// ln rate by the strongest pass, if it crossed the axis.
-fn middle_ln(crossings: &[Crossing], plumes: &[MeanPlume]) -> f64 {
-    let of = |(crossing, plume): (&Crossing, &MeanPlume)| {
-        let carried = crossing.kg_s_m.max(crossing.noise_kg_s_m);
-        carried / plume.density_1_m(plume.axis_agl_m)
-    };
-    crossings
-        .iter()
-        .zip(plumes)
-        .map(of)
-        .fold(f64::MIN_POSITIVE, f64::max)
-        .ln()
-}
-
-/// The posterior of ln rate, kg/s, of a source at one place.
-struct Posterior {
-    /// ln rate with its weight.
-    ln_rate: Vec<(f64, f64)>,
-    sigma_z_variance: f64,
-    height_variance: f64,
-    turbulence_variance: f64,
-}
-
-impl Posterior {
-    fn summed(rates: &[f64], cells: &[([f64; 2], Vec<f64>)]) -> Self {
-        let summed = Summed::of(rates, cells);
-        let [sigma_z_variance, height_variance] = summed.explained;
-        Self {
-            turbulence_variance: summed.rest_variance(),
-            ln_rate: summed.values,
-            sigma_z_variance,
-            height_variance,
-        }
     }
 }
 

@@ -25,6 +25,9 @@ const SCATTER: [(f64, f64); 3] = [(0.15, 0.25), (0.3, 0.5), (0.6, 0.25)];
 /// far aside, where a Gaussian has none.
 const FLOOR: f64 = 0.1;
 
+/// The mean plumes of several sources at one distance, each with its share of what all emit. The same eddies displace all.
+pub(crate) type PlumeParts = Vec<(f64, MeanPlume)>;
+
 /// What a pass carries through each metre of height.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Crossing {
@@ -77,7 +80,7 @@ impl<'a> Wander<'a> {
     }
 
     /// ln likelihood of the passes at each of `rates`, kg/s, where `plumes` are the mean plumes at the passes.
-    pub fn ln_likelihood(&self, plumes: &[MeanPlume], rates: &[f64]) -> Vec<f64> {
+    pub fn ln_likelihood(&self, plumes: &[PlumeParts], rates: &[f64]) -> Vec<f64> {
         let by_wander =
             WANDER_PARTS.map(|(part, weight)| (self.densities_1_m(plumes, part), weight));
         let of_rate = |rate: &f64| {
@@ -95,13 +98,16 @@ impl<'a> Wander<'a> {
     }
 
     /// Density of the plume of a moment at each pass by displacement, 1/m.
-    fn densities_1_m(&self, plumes: &[MeanPlume], wander_part: f64) -> Vec<Vec<f64>> {
-        let at = |(crossing, plume): (&Crossing, &MeanPlume)| {
+    fn densities_1_m(&self, plumes: &[PlumeParts], wander_part: f64) -> Vec<Vec<f64>> {
+        let at = |(crossing, plume): (&Crossing, &PlumeParts)| {
             let height = crossing.height_agl_m;
-            let displaced = self.displacements.iter();
-            displaced
-                .map(|d| momentary_1_m(plume, height, (d.0, wander_part)))
-                .collect()
+            let of_parts = |displaced: f64| {
+                let of = |(share, part): &(f64, MeanPlume)| {
+                    share * momentary_1_m(part, height, (displaced, wander_part))
+                };
+                plume.iter().map(of).sum()
+            };
+            self.displacements.iter().map(|d| of_parts(d.0)).collect()
         };
         self.crossings.iter().zip(plumes).map(at).collect()
     }

@@ -364,6 +364,12 @@ impl WorldSimulator {
     fn report_status(&mut self, concludes: bool, out: &mut Outbox) {
         let peak = self.peak();
         let status = peak.map_or(PeakStatus::NotFound, |p| p.status);
+        let follows_none = status == PeakStatus::NotFound && self.calibrator.has_read_a_plume();
+        let status = if follows_none {
+            PeakStatus::Doubtful
+        } else {
+            status
+        };
         if !self.phase.has_searched() || !concludes && self.status == Some(status) {
             return;
         }
@@ -373,6 +379,8 @@ impl WorldSimulator {
             .filter(|before| *before != status);
         let why = if !self.contradicted.is_empty() {
             format!("the readings contradict {}", self.contradicted.join(", "))
+        } else if follows_none {
+            "a plume was read, but the readings follow none that the model allows".to_owned()
         } else if self.sensor_is_named && status == PeakStatus::Doubtful {
             "a fault of a sensor is named that the model does not hold".to_owned()
         } else {
@@ -383,7 +391,7 @@ impl WorldSimulator {
         if let Some(before) = before {
             words += &format!(" (before: {})", before.words());
         }
-        if let Some(p) = peak.filter(|_| status != PeakStatus::NotFound) {
+        if let Some(p) = peak.filter(|p| p.status != PeakStatus::NotFound) {
             words += &format!(", {} ppm", plus_minus(p.co2_ppm, p.sd_ppm));
         }
         if !why.is_empty() {
@@ -643,19 +651,7 @@ impl Correction {
         if peak.is_none_or(|p| p.status == PeakStatus::NotFound) {
             return Vec::new();
         }
-        let said = |method| {
-            move |(source, kg_s)| Flux {
-                source,
-                method,
-                kg_s,
-            }
-        };
-        let inferred = self.calibrator.flux(self.wind_m_s).into_iter();
-        let weighed = self.calibrator.curtain_flux(self.wind_m_s).into_iter();
-        inferred
-            .map(said(FluxMethod::Inference))
-            .chain(weighed.map(said(FluxMethod::MassBalance)))
-            .collect()
+        self.calibrator.fluxes(self.wind_m_s)
     }
 }
 

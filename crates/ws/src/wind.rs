@@ -10,6 +10,9 @@ const MEMORY_S: f64 = 180.0;
 /// One standard deviation of what the law of wind with height is off from where vehicles flew to the plume's
 /// axis, as a part of the speed.
 const LAW: f64 = 0.03;
+/// Reports from heights that differ from the reference by this factor at most are of its layer, as in `plumage flux`: beyond, no
+/// power law holds, and a vehicle on the ground reports no wind of the plume.
+const SAME_LAYER: f64 = 2.0;
 
 /// The world's mean wind over time.
 #[derive(Debug, Clone)]
@@ -18,7 +21,9 @@ pub struct WorldWind {
     /// At the profile's reference height.
     slow: WindSeries,
     known_by: KnownBy,
+    /// What vehicles report, and what of it is of the reference's layer.
     reports: Reports,
+    of_layer: Reports,
 }
 
 /// Mean and scatter of the reported speeds at the reference height (Welford 1962).
@@ -78,6 +83,7 @@ impl WorldWind {
             slow: series.unwrap_or_else(own),
             known_by,
             reports: Reports::default(),
+            of_layer: Reports::default(),
         }
     }
 
@@ -104,6 +110,10 @@ impl WorldWind {
             north_m_s: wind.north_m_s * carried,
         };
         self.reports.take(time_s, wind.speed_m_s());
+        let ratio = height_agl_m / self.scenario.reference_height_agl_m();
+        if (1.0 / SAME_LAYER..=SAME_LAYER).contains(&ratio) {
+            self.of_layer.take(time_s, wind.speed_m_s());
+        }
         let KnownBy::Reports(last_s) = self.known_by else {
             return;
         };
@@ -123,10 +133,11 @@ impl WorldWind {
         self.known_by = KnownBy::Reports(Some(time_s.max(last_s.unwrap_or(time_s))));
     }
 
-    /// Speed at the scenario's reference height as vehicles have reported it; the scenario's, with the
+    /// Speed at the scenario's reference height as vehicles have reported it, in its layer if any has; the scenario's, with the
     /// standard deviation `unknown_m_s`, where none has.
     pub(crate) fn reported_speed(&self, unknown_m_s: f64) -> Estimate {
-        self.reports.mean().unwrap_or(Estimate {
+        let mean = self.of_layer.mean().or_else(|| self.reports.mean());
+        mean.unwrap_or(Estimate {
             value: self.scenario.reference_speed_m_s(),
             sd: unknown_m_s,
         })
@@ -189,6 +200,26 @@ mod tests {
         assert!((wind.at(30.0, 0.0).speed_at_m_s(10.0) - 8.0).abs() < 1e-9);
         let mut own = WorldWind::new(profile(), None, false);
         assert!(!own.set_series(series(8.0)) && own.at(0.0, 0.0) == profile());
+    }
+
+    /// A vehicle that stands at its home for the second half of the mission, and reports gusts, does not make the plume's wind
+    /// faster; where nobody flies in the plume's layer, what is reported counts.
+    #[test]
+    fn the_speed_is_that_of_reports_from_the_layer() {
+        let scenario = WindProfile::new(8.0, 486.0, 270.0, 0.15).unwrap();
+        let report = |wind: &mut WorldWind, from_s: i32, height_agl_m: f64, factor: f64| {
+            for t in from_s..from_s + 600 {
+                let speed = factor * scenario.speed_at_m_s(height_agl_m);
+                let there = WindVector::from_speed_and_direction(speed, 270.0);
+                wind.report(f64::from(t), height_agl_m, there);
+            }
+        };
+        let mut wind = WorldWind::new(scenario, None, false);
+        report(&mut wind, 0, 2.0, 1.5);
+        assert!((wind.reported_speed(1.0).value - 12.0).abs() < 1e-6);
+        report(&mut wind, 600, 500.0, 1.0);
+        report(&mut wind, 1200, 2.0, 1.5);
+        assert!((wind.reported_speed(1.0).value - 8.0).abs() < 1e-6);
     }
 
     #[test]

@@ -95,6 +95,11 @@ fn columns() -> Vec<Column> {
     all.extend(errors("flux_mass_balance", "_pct", move |r| {
         r.flux_by(balance)
     }));
+    all.extend(errors("flux_combined", "_pct", |r| {
+        r.flux_by(FluxMethod::Combined)
+    }));
+    all.push(number("confirmed_s", |r| r.confirmed.map(|m| m.time_s)));
+    all.push(number("confirmed_km", |r| r.confirmed.map(|m| m.flown_km)));
     all.push(number("flown_km", |r| Some(r.flown_km)));
     all.push(whole("landed", |r| r.landed as i64));
     all.push(text("digest", |r| r.digest.clone()));

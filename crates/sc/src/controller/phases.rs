@@ -1,7 +1,7 @@
 //! When the mission goes on to its next phase: as soon as the belief allows it, and when time asks for it.
 
 use protocol::SimTime;
-use protocol::message::{Flux, FluxMethod, Peak, PeakStatus, Phase};
+use protocol::message::{Flux, Peak, PeakStatus, Phase};
 
 use super::{HALF_WIDTH_95_SD, SquadronController};
 use crate::fleet::TeamVehicle;
@@ -70,11 +70,13 @@ impl SquadronController {
                 |p: &Peak| HALF_WIDTH_95_SD * p.sd_ppm <= within * (p.co2_ppm - background_ppm);
             confirmed.is_some_and(|p| excess(&p))
         };
-        let inferred = |f: &&Flux| f.method == FluxMethod::Inference;
+        // The first stands for the answer; by the model alone there is one of each source.
+        let method = model.flux.first().map(|f| f.method);
+        let stands = |f: &&Flux| Some(f.method) == method;
+        let is_known = |f: &Flux, within| HALF_WIDTH_95_SD * f.kg_s.sd <= within * f.kg_s.value;
         let is_flux_known = |within: f64| {
-            let mut fluxes = model.flux.iter().filter(inferred).peekable();
-            let is_known = |f: &Flux| HALF_WIDTH_95_SD * f.kg_s.sd <= within * f.kg_s.value;
-            fluxes.peek().is_some() && fluxes.all(is_known)
+            let mut fluxes = model.flux.iter().filter(stands);
+            method.is_some() && fluxes.all(|f| is_known(f, within))
         };
         let (peak, flux) = self.asked_within;
         let asks = peak.is_some() || flux.is_some();

@@ -14,7 +14,7 @@ use plume::{DispersionSpec, MechanismId, Strength};
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
 
 /// Crossings below which no meander can be told.
-const LEAST_CROSSINGS: usize = 4;
+pub(super) const LEAST_CROSSINGS: usize = 4;
 /// Of a series a mean and a slope are taken, so that fewer independent crossings than these would leave nothing.
 const LEAST_INDEPENDENT: f64 = 3.0;
 

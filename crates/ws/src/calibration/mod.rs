@@ -13,6 +13,7 @@
 //! about the wrong one cannot look back. Until the axis is located, every correction in flight
 //! searches; from then on it goes on from the last one.
 
+mod flux;
 mod meander;
 pub mod offline;
 mod parameters;
@@ -23,17 +24,15 @@ pub use peak::READ_SD;
 
 use crate::WsError;
 use air::geo::Enu;
-use air::wind::WindVector;
 use gap::plume::{Averaging, Carried, PlumeModel, ROWS_OF_A_SEARCH, Records, Setup, plume_place};
 use infer::{ClosestModel, InferError, LearnedNoise, PlumePlace, Posterior, Problem};
 use meander::{Line, Meander};
 use nalgebra::{DMatrix, DVector};
 use parameters::Unknowns;
 use peak::AtCrossing;
-use plume::curtain::{CleanAir, Sample, mass_balance};
 use plume::stability::Stability;
 use plume::{DispersionModel, DispersionSpec, MechanismId, Place};
-use protocol::message::{Estimate, Flux};
+use protocol::message::Estimate;
 use scenario::Scenario;
 use scenario::observations::{ObservationRow, Observations};
 
@@ -92,6 +91,10 @@ pub struct Calibrator {
     predicted: peak::Predicted,
     /// The meander that crossings show; none where they may be those of a steady plume.
     meander: Option<Meander>,
+    /// By what the intervals of a meander that rests on few crossings are wider than those stated in flight.
+    few: f64,
+    /// Half width of the peak's 95 % interval over its excess at which it is as well known as is asked.
+    peak_within: f64,
 }
 
 impl Calibrator {
@@ -135,6 +138,8 @@ impl Calibrator {
             met_s: 0.0,
             predicted: peak::Predicted::default(),
             meander: None,
+            few: 1.0,
+            peak_within: scenario.mission.peak_within.unwrap_or(peak::WITHIN),
         })
     }
 
@@ -400,6 +405,7 @@ impl Calibrator {
             .then(|| records.met_from_deg(&track, self.predicted.plume()));
         self.fitted_rows = self.row_count();
         let meander = Meander::of(&self.predicted, self.width_deg());
+        self.few = meander.filter(|_| !self.concludes).map_or(1.0, |m| m.few);
         self.meander = meander.map(|m| if self.concludes { m } else { m.as_seen() });
         let stated = model.stated(nearest, &posterior, self.meander.is_some())?;
         (self.covariance, self.beforehand) = (stated.covariance, stated.prior);
@@ -550,7 +556,7 @@ impl Calibrator {
     }
 
     /// Whether a reading stands out of the others, whatever the model makes of it.
-    fn has_read_a_plume(&self) -> bool {
+    pub fn has_read_a_plume(&self) -> bool {
         let rows = self.observations.rows.iter();
         let mut sorted: Vec<f64> = rows.filter_map(|r| r.co2_ppm).collect();
         sorted.sort_by(f64::total_cmp);
@@ -625,61 +631,6 @@ impl Calibrator {
     pub fn calibrated(&self) -> Calibrated {
         let (at, covariance) = &self.in_the_mean;
         self.unknowns.calibrated(&self.base, at, covariance)
-    }
-
-    /// What the scenario's sources of the sensor's gas emit, kg/s, by name, if the wind at the scenario's
-    /// reference height is `wind_m_s`: readings tell the ratio of emission to wind.
-    pub fn flux(&self, wind_m_s: Estimate) -> Vec<(String, Estimate)> {
-        let (at, covariance) = &self.in_the_mean;
-        self.unknowns.flux(&self.base, at, covariance, wind_m_s)
-    }
-
-    /// What all sources emit together, kg/s, if the wind at the scenario's reference height is `wind_m_s`, by the
-    /// balance of mass of the passes that were flown, above the background of the corrected model and whatever its plume;
-    /// none where no curtain was flown.
-    pub fn curtain_flux(&self, wind_m_s: Estimate) -> Option<(String, Estimate)> {
-        let base = &self.base;
-        let (samples, clean) = self.excess_samples()?;
-        let reference = base.wind.turned(self.turn_deg());
-        let faster = wind_m_s.value / reference.reference_speed_m_s();
-        let wind = |height_agl_m: f64| {
-            let speed = faster * reference.speed_at_m_s(height_agl_m);
-            WindVector::from_speed_and_direction(speed, reference.from_deg())
-        };
-        let found = mass_balance(&samples, &study::site(base), clean, &wind)?;
-        let names = self.unknowns.source_names(base, &self.in_the_mean.0);
-        let relative_sd = (found.sd_kg_s / found.kg_s).hypot(wind_m_s.sd / wind_m_s.value);
-        let kg_s = Estimate {
-            value: found.kg_s,
-            sd: found.kg_s * relative_sd,
-        };
-        Some((names.join(Flux::AND), kg_s))
-    }
-
-    /// The readings above what each sensor reads in clean air, and how well that is known. Vehicles turn where the plume
-    /// ends, so that passes do not show it themselves.
-    fn excess_samples(&self) -> Option<(Vec<Sample>, CleanAir)> {
-        let model = DispersionModel::new(self.latest_spec()).ok()?;
-        let background = self.calibrated().background_ppm;
-        let clean = |platform: usize| {
-            self.zero_ppm(platform).unwrap_or(Estimate {
-                value: background.value + self.base.sensor.offset_ppm,
-                ..background
-            })
-        };
-        let zeros: Vec<Estimate> = (0..self.observations.platforms.len()).map(clean).collect();
-        let sd_ppm = zeros.iter().fold(0.0, |sd, zero| zero.sd.max(sd));
-        let excess = |sample: Sample| {
-            let offset_ppm = zeros[sample.platform].value - background.value;
-            let clean_ppm = model.background_ppm(&sample.place, sample.time_s) + offset_ppm;
-            Sample {
-                ppm: sample.ppm - clean_ppm,
-                ..sample
-            }
-        };
-        let samples = study::samples(&self.setup.frame, &self.observations);
-        let samples = samples.into_iter().map(excess).collect();
-        Some((samples, CleanAir::Subtracted { sd_ppm }))
     }
 
     /// Value and standard deviation of a mechanism's parameter that is unknown, of one platform's sensor or

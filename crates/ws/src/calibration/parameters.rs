@@ -264,21 +264,25 @@ impl Unknowns {
         wind_m_s: Estimate,
     ) -> Vec<(String, Estimate)> {
         let of = |(k, name): (usize, String)| {
-            let per_m_s = |model: &DispersionModel| {
-                let reference_m_s = model.spec().wind.reference_speed_m_s();
-                model.emissions_kg_s()[k].1 / reference_m_s.max(f64::MIN_POSITIVE)
-            };
-            let ratio = self.of_model(base, at, covariance, &per_m_s);
-            let kg_s = Estimate {
-                value: ratio.value * wind_m_s.value,
-                // Of a product of independent factors, to first order.
-                sd: (ratio.sd * wind_m_s.value).hypot(ratio.value * wind_m_s.sd),
-            };
+            let one = |model: &DispersionModel| model.emissions_kg_s()[k].1;
+            let kg_s = in_wind(self.of_model(base, at, covariance, &per_m_s(one)), wind_m_s);
             let is_read = kg_s.value.is_finite() && kg_s.sd.is_finite();
             is_read.then_some((name, kg_s))
         };
         let names = self.source_names(base, at).into_iter().enumerate();
         names.filter_map(of).collect()
+    }
+
+    /// The same of all of them together.
+    pub fn flux_in_all(
+        &self,
+        base: &DispersionSpec,
+        at: &DVector<f64>,
+        covariance: &DMatrix<f64>,
+        wind_m_s: Estimate,
+    ) -> Estimate {
+        let all = |model: &DispersionModel| model.emissions_kg_s().iter().map(|e| e.1).sum();
+        in_wind(self.of_model(base, at, covariance, &per_m_s(all)), wind_m_s)
     }
 
     /// Names of the sources of the sensor's gas.
@@ -316,6 +320,22 @@ impl Unknowns {
             value: here,
             sd: variance.max(0.0).sqrt(),
         }
+    }
+}
+
+/// An emission over the wind at the reference height, kg/s per m/s.
+fn per_m_s(kg_s: impl Fn(&DispersionModel) -> f64) -> impl Fn(&DispersionModel) -> f64 {
+    move |model| {
+        let reference_m_s = model.spec().wind.reference_speed_m_s();
+        kg_s(model) / reference_m_s.max(f64::MIN_POSITIVE)
+    }
+}
+
+/// The product of independent factors, to first order.
+fn in_wind(ratio: Estimate, wind_m_s: Estimate) -> Estimate {
+    Estimate {
+        value: ratio.value * wind_m_s.value,
+        sd: (ratio.sd * wind_m_s.value).hypot(ratio.value * wind_m_s.sd),
     }
 }
 

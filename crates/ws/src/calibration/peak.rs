@@ -1,6 +1,6 @@
 //! The highest concentration where set-points may go, and how far readings stand behind it.
 
-use super::Calibrator;
+use super::{Calibrator, meander};
 use air::geo::{Enu, Position};
 use gap::plume::PlumeModel;
 use infer::{ForwardModel, PlumePlace};
@@ -25,6 +25,9 @@ const LEAST_CROSSINGS: usize = 2;
 const AGREES_SD: f64 = 2.0;
 /// A peak of which less is known than this part of its excess, one standard deviation, is hardly known.
 const HARDLY_KNOWN: f64 = 0.5;
+/// Where a mission asks for no precision, a peak is known where its 95 % interval has this half width over its excess: about as
+/// much as [`HARDLY_KNOWN`] leaves.
+pub const WITHIN: f64 = 1.0;
 /// Differences for the slopes of a peak: parts of the standard deviation of an unknown, within which the peak is about linear.
 const DIFFERENCE_SD: f64 = 0.3;
 /// A plume was read where it explains the squares of so many standard deviations of the sensor.
@@ -337,6 +340,26 @@ impl Calibrator {
         Some(self.stated(airspace, position, &there, excess_ppm))
     }
 
+    /// Whether a peak with which crossings near it `agree` is known as well as is asked.
+    fn confirmation(&self, relative_sd: f64, agree: &str) -> (PeakStatus, String) {
+        let crossings = self.predicted.axis().len();
+        if crossings < meander::LEAST_CROSSINGS {
+            let words = format!(
+                "{agree}, but {crossings} crossings of the plume do not show whether it meanders"
+            );
+            return (PeakStatus::Supported, words);
+        }
+        let half_width = study::SD_95 * self.few * relative_sd;
+        if half_width <= self.peak_within {
+            return (PeakStatus::Confirmed, agree.to_owned());
+        }
+        let [is, asked] = [half_width, self.peak_within].map(|part| 100.0 * part);
+        let words = format!(
+            "{agree}, but its 95 % interval is ± {is:.0} % of its excess, and ± {asked:.0} % are asked for"
+        );
+        (PeakStatus::Supported, words)
+    }
+
     /// How far readings stand behind a peak of which `excess_ppm` is the plume's, and why.
     fn support(&self, there: &Estimate, excess_ppm: f64) -> (PeakStatus, String) {
         let because = |status, words: &str| (status, words.to_owned());
@@ -357,7 +380,7 @@ impl Calibrator {
         };
         match (agree(&near, relative_sd), agree(&all, relative_sd)) {
             (Some(true), _) if near.len() >= LEAST_CROSSINGS => {
-                (PeakStatus::Confirmed, agreeing(near.len(), "near it"))
+                self.confirmation(relative_sd, &agreeing(near.len(), "near it"))
             }
             (Some(true), _) => (PeakStatus::Supported, agreeing(near.len(), "near it")),
             (None, Some(true)) if all.len() >= LEAST_CROSSINGS => {

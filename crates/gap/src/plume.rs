@@ -39,6 +39,7 @@ pub use wind::Carried;
 
 use std::borrow::Cow;
 
+use ::plume::mechanism::MechanismId;
 use ::plume::stability::Stability;
 use infer::{Contact, FittedSet, ForwardModel, InferError, Judgement, Policy, Question};
 use scenario::observations::{Observations, checks};
@@ -231,6 +232,23 @@ fn analyse_alone(
     Ok(analysis)
 }
 
+/// The set with the second source alone that has the same two sources as `best`, where that moves the first one too.
+fn with_second_alone<'a>(
+    question: &Question<'_>,
+    model: &PlumeModel<'a>,
+    best: &FittedSet<PlumeModel<'a>>,
+) -> Result<Option<FittedSet<PlumeModel<'a>>>, GapError> {
+    let mut fit = best.fit().clone();
+    let Some(at) = best.model.second_alone(&fit.point.at) else {
+        return Ok(None);
+    };
+    fit.point.at = at;
+    let is_second = |name: &&Hypothesis| name.part.id == MechanismId::SecondSource;
+    let names: Vec<Hypothesis> = best.mechanisms.iter().filter(is_second).cloned().collect();
+    let alone = names.iter().fold(model.clone(), |m, n| m.with(&n.part));
+    Ok(Some(question.set_from(&alone, names, &fit)?))
+}
+
 /// The rows of the first half of the time.
 fn first_half(observations: &Observations) -> Observations {
     let times = || observations.rows.iter().map(|r| r.time_s);
@@ -330,7 +348,11 @@ fn analyse_once(
     let here = base.model.predict(base.at(), &question.turns_deg(&base))?;
     let world = base.model.world(base.at())?;
     let tried = catalogue::tried(setup, &model, &here, &world);
-    let found = question.search(base.clone(), named, &tried)?;
+    let mut found = question.search(base.clone(), named, &tried)?;
+    if let Some(alone) = with_second_alone(&question, &model, &found[0])? {
+        found.push(alone);
+        found.sort_by(|a, b| b.ln_score().total_cmp(&a.ln_score()));
+    }
     // A name may have led to a better base, beside which all sets were judged.
     let base = found
         .iter()

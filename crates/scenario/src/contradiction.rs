@@ -281,6 +281,8 @@ impl Evidence {
             (Uncertain::SigmaZScale, Some(c.sigma_z_scale)),
         ]
         .into_iter()
+        // Readings of clean air alone only tell where no plume was: a fit to them evades the track.
+        .filter(|(key, _)| *key == Uncertain::Background || self.shown.plume().is_some())
         .filter_map(|(key, known)| Some((key, known?, By::Fit)))
         .collect()
     }

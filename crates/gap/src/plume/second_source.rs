@@ -54,6 +54,37 @@ impl PlumeModel<'_> {
         Ok(Some(out))
     }
 
+    /// Where the two last causes are a second source and another place of the first one, and the second lies nearer to
+    /// where the scenario has the first: the unknowns of the same two sources with their names exchanged, which need the
+    /// second source alone. None elsewhere, or where the strength is not unknown.
+    pub(crate) fn second_alone(&self, at: &[f64]) -> Option<Vec<f64>> {
+        let parts = self.parts(at);
+        let of = |id: MechanismId| {
+            let last = parts.len().saturating_sub(2);
+            let part = (last..parts.len()).find(|k| parts[*k].id == id)?;
+            Some(self.unknowns_of(part).collect::<Vec<usize>>())
+        };
+        let strength = self.ln_strength()?;
+        let (second, moved) = (
+            of(MechanismId::SecondSource)?,
+            of(MechanismId::SourcePositionOffset)?,
+        );
+        let (&[east, north, ratio], &[by_east, by_north]) = (&second[..], &moved[..]) else {
+            return None;
+        };
+        let first_off_m = at[by_east].hypot(at[by_north]);
+        let second_off_m = (at[by_east] + at[east]).hypot(at[by_north] + at[north]);
+        if at[ratio] <= 0.0 || second_off_m >= first_off_m {
+            return None;
+        }
+        let mut out = at.to_vec();
+        out[strength] += at[ratio].ln();
+        (out[east], out[north]) = (at[by_east], at[by_north]);
+        out[ratio] = 1.0 / at[ratio];
+        let kept = (0..out.len()).filter(|k| !moved.contains(k));
+        Some(kept.map(|k| out[k]).collect())
+    }
+
     /// How far from the first source its plume was met in the mean, m, and the direction towards which it lies,
     /// degrees; none where nobody met it downwind.
     fn met(&self, at: &[f64]) -> Result<Option<(f64, f64)>, InferError> {

@@ -133,9 +133,9 @@ impl Default for Policy {
                 fluctuation_s: 5.0,
                 wander_deg: 1.0,
                 wander_s: 25.0,
-                wander_sigma_z: 0.1,
+                wander_sigma_z: 0.05,
             },
-            noise_ln_sd: [0.7, 0.5, 0.5, 0.8, 0.8, 1.0, 1.0, 1.0],
+            noise_ln_sd: [0.7, 0.5, 0.5, 0.8, 0.8, 1.0, 1.0, 1.5],
             noise_tolerated: Noise {
                 white: 6.0,
                 slow: 3.0,

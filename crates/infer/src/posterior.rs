@@ -120,15 +120,8 @@ impl<M: ForwardModel> Problem<'_, M> {
         self.around(self.refit_noise(&first)?)
     }
 
-    /// The posterior from where a fit of some of the same readings came to, with its noise and sizes.
-    ///
-    /// # Errors
-    /// Values that the model refuses.
-    pub fn posterior_from(&self, before: &Fit) -> Result<Posterior, InferError> {
-        self.concluded(self.carried(before)?)
-    }
-
-    /// The same, with the noise so well found that standard deviations do not depend on where it came from.
+    /// The posterior from where a fit of some of the same readings came to, with the noise so well found that standard
+    /// deviations do not depend on where it came from.
     ///
     /// # Errors
     /// Values that the model refuses.

@@ -308,7 +308,7 @@ impl Calibrator {
         };
         let before = self.posterior.as_ref().map(|p| p.fit().clone());
         if let Some(before) = before.filter(|_| self.axis_is_located()) {
-            return self.fit(&records, &[], &Depth::From(&before));
+            return self.fit(&records, &[], &Depth::Refine(&before));
         }
         self.carried = records.carried(records.setup())?;
         self.fit(&records, &[], &Depth::Glance)?;
@@ -380,7 +380,7 @@ impl Calibrator {
         let [first, all] = records.tracks(setup, self.carried);
         let (track, rows) = match depth {
             Depth::Glance | Depth::Search => (first, records.first_rows()),
-            Depth::From(_) | Depth::Refine(_) => (all, records.rows()),
+            Depth::Refine(_) => (all, records.rows()),
         };
         let model = records
             .model(setup, &track)
@@ -647,9 +647,7 @@ enum Depth<'f> {
     Glance,
     /// A search on a part of them.
     Search,
-    /// All of them, from the last fit in flight.
-    From(&'f infer::Fit),
-    /// All of them, from a search, with the noise found as well as can be.
+    /// All of them, from a fit before, with the noise found as well as can be.
     Refine(&'f infer::Fit),
 }
 
@@ -658,8 +656,7 @@ impl Depth<'_> {
         match self {
             Self::Glance => problem.quick_posterior(),
             Self::Search => problem.posterior(),
-            Self::From(before) => problem.posterior_from(before),
-            Self::Refine(found) => problem.refined_posterior(found),
+            Self::Refine(before) => problem.refined_posterior(before),
         }
     }
 }

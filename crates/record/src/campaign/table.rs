@@ -401,7 +401,7 @@ mod tests {
         assert!(text.contains("## posterior"), "{text}");
         // 1.5 of 12 degrees before.
         assert!(
-            text.contains("| axis (towards) | 4 of 4 | 1.5 ° | 0.125 |"),
+            text.contains("| axis (towards) | 4 of 4 | 1.50 ° | 0.125 |"),
             "{text}"
         );
     }

@@ -349,7 +349,10 @@ fn analyse_once(
     let world = base.model.world(base.at())?;
     let tried = catalogue::tried(setup, &model, &here, &world);
     let mut found = question.search(base.clone(), named, &tried)?;
-    if let Some(alone) = with_second_alone(&question, &model, &found[0])? {
+    let alone = found
+        .first()
+        .map(|best| with_second_alone(&question, &model, best));
+    if let Some(alone) = alone.transpose()?.flatten() {
         found.push(alone);
         found.sort_by(|a, b| b.ln_score().total_cmp(&a.ln_score()));
     }

@@ -5,9 +5,9 @@
 //! its zero; the fluctuation of concentrations in the plume, proportional to the plume's part
 //! of the reading; and the wander of the plume's axis to the sides and up and down, proportional to the
 //! derivatives of the reading by the axis' direction and height. The last four are Ornstein-Uhlenbeck processes:
-//! stationary, Gaussian, forgetting exponentially. A sensor shows the last three, which are the air's, only after its
-//! response: as a lag of first order makes of them, which is smooth where the air is rough. The filter's innovations are independent, so the same
-//! recursion whitens any column of a least-squares problem (Durbin and Koopman 2012, section 4).
+//! stationary, Gaussian, forgetting exponentially. The last three are of the air. A sensor with a lag of first order
+//! shows them smoothed. The filter's innovations are independent, so the same recursion whitens any column of a
+//! least-squares problem (Durbin and Koopman 2012, section 4).
 
 use crate::rows::Rows;
 use multiversion::multiversion;
@@ -437,11 +437,7 @@ fn run(
             let [plume, per_degree, per_sigma_z] = loadings.of_air(index);
             let own = [1.0, plume, per_degree, per_sigma_z];
             let mut step = Step {
-                transition: if is_first {
-                    Transition::NONE
-                } else {
-                    transition
-                },
+                transition,
                 loading: Loading(std::array::from_fn(|k| own[k] * left[k])),
                 gain: [0.0; STATES],
                 inverse_sd: 0.0,
@@ -497,7 +493,7 @@ impl Covariance {
         Self(p)
     }
 
-    /// What is known one row later: what lasts, and of what does not what is known of any row.
+    /// The covariance one row later: what differs from that of a row of its own decays.
     fn forget(&mut self, transition: &Transition, stationary: &Self) {
         let mut known = self.0;
         for (known, stationary) in known.iter_mut().zip(&stationary.0) {

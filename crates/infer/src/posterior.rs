@@ -31,7 +31,8 @@ const FARTHEST_LN: f64 = 1.0;
 const WAY_OF_A_SEARCH: f64 = 10.0;
 /// How often the noise of a fit on more readings is made most probable.
 pub(crate) const REFITS: usize = 5;
-/// Fluctuation and wander are held against ones smaller and larger by a factor, at first a coarse one, so many times.
+/// The search for the noise compares the evidence of values that differ by these factors: the first finds about where it is
+/// largest, the second the place. Most rounds of each.
 const COARSE_FACTOR: f64 = 2.0;
 const POLISH_FACTOR: f64 = 1.5;
 const POLISHED: usize = 4;
@@ -199,7 +200,7 @@ impl<M: ForwardModel> Problem<'_, M> {
         Ok(best)
     }
 
-    /// Fluctuation and wander by the parabola through the evidence of three sizes each, at one point.
+    /// Noise whose sizes and memory have the largest evidence at one point, each by a parabola through three values.
     fn noise_by_evidence(&self, of: &Weighed, factor: f64) -> Result<Noise, InferError> {
         let sizes = of.likeliest_sizes();
         let evidence = |noise: &Noise| -> Result<f64, InferError> {
@@ -209,7 +210,11 @@ impl<M: ForwardModel> Problem<'_, M> {
             Ok(Evidence::new(&products[0], &known).ln(&sizes) + self.ln_noise_prior(noise))
         };
         let mut noise = of.fit.noise;
-        for scaled in SCALED {
+        for part in BY_EVIDENCE {
+            let scaled = |mut noise: Noise, by: f64| {
+                *part(&mut noise) *= by;
+                noise
+            };
             let tried = [1.0, factor, 1.0 / factor].map(|by| scaled(noise, by));
             let found: Result<Vec<f64>, _> = parallel_map(&tried, evidence).into_iter().collect();
             let found = found?;
@@ -541,23 +546,11 @@ fn sort(found: &mut [Weighed]) {
 }
 
 /// What of the noise is looked for by its evidence.
-const SCALED: [fn(Noise, f64) -> Noise; 4] = [
-    |noise, by| Noise {
-        fluctuation: noise.fluctuation * by,
-        ..noise
-    },
-    |noise, by| Noise {
-        wander_deg: noise.wander_deg * by,
-        ..noise
-    },
-    |noise, by| Noise {
-        wander_sigma_z: noise.wander_sigma_z * by,
-        ..noise
-    },
-    |noise, by| Noise {
-        wander_s: noise.wander_s * by,
-        ..noise
-    },
+const BY_EVIDENCE: [fn(&mut Noise) -> &mut f64; 4] = [
+    |noise| &mut noise.fluctuation,
+    |noise| &mut noise.wander_deg,
+    |noise| &mut noise.wander_sigma_z,
+    |noise| &mut noise.wander_s,
 ];
 
 fn mean_step(parts: &[Part], tried: usize) -> DVector<f64> {

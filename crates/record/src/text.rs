@@ -106,6 +106,10 @@ pub fn place(lat_deg: f64, lon_deg: f64, alt_amsl_m: f64) -> String {
     )
 }
 
+/// Why a peak that readings support is not confirmed.
+pub const NOT_CONFIRMED: &str =
+    "too few crossings are near it, or its interval is wider than asked for";
+
 /// The peak, how far readings stand behind it, and what it is held against.
 pub fn peak(summary: &MissionSummary) -> String {
     let (peak, gas) = (&summary.peak, summary.gas);
@@ -127,8 +131,7 @@ pub fn peak(summary: &MissionSummary) -> String {
             estimate(p)
         ),
         (PeakStatus::Supported, Some(p)) => format!(
-            "Found: a peak of {}. Real readings support it, but do not confirm it: too few crossings are near it, or its \
-             interval is wider than asked for.",
+            "Found: a peak of {}. Real readings support it, but do not confirm it: {NOT_CONFIRMED}.",
             estimate(p)
         ),
         (PeakStatus::Doubtful, Some(p)) => {

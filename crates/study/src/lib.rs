@@ -31,7 +31,7 @@ pub mod units;
 mod vertical;
 mod wander;
 
-pub use tracks::{samples, site};
+pub use tracks::{is_same_layer, samples, site};
 
 use plume::curtain::{BETWEEN_PASSES_S, Pass, RejectedPass};
 

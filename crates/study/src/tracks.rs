@@ -8,12 +8,17 @@ use plume::curtain::{Sample, Site};
 use scenario::Scenario;
 use scenario::observations::{ObservationRow, Observations};
 
-/// A logged wind is carried to heights that differ from its own by this factor at most: beyond, no power law holds, and a
-/// vehicle on the ground logs no wind of the plume.
+/// A wind is carried to heights that differ from its own by this factor at most: beyond, no power law holds, and a vehicle on
+/// the ground meets no wind of the plume.
 const SAME_LAYER: f64 = 2.0;
 
 /// Heights are known to about this, m.
 const LEAST_HEIGHT_M: f64 = 1.0;
+
+/// Whether heights with this ratio are so near each other that a wind is carried from one to the other.
+pub fn is_same_layer(ratio: f64) -> bool {
+    (1.0 / SAME_LAYER..=SAME_LAYER).contains(&ratio)
+}
 
 /// The site of the first source.
 pub fn site(spec: &DispersionSpec) -> Site {
@@ -116,8 +121,7 @@ impl<'a> Winds<'a> {
         let (mut sum, mut speeds, mut count) = (WindVector::default(), 0.0, 0.0);
         for (time_s, own_agl_m, wind) in &self.rows {
             let ratio = height_agl_m.max(LEAST_HEIGHT_M) / own_agl_m.max(LEAST_HEIGHT_M);
-            let is_near = (1.0 / SAME_LAYER..=SAME_LAYER).contains(&ratio);
-            if !is_near || !(from_s..=to_s).contains(time_s) {
+            if !is_same_layer(ratio) || !(from_s..=to_s).contains(time_s) {
                 continue;
             }
             let factor = ratio.powf(self.exponent);

@@ -200,11 +200,10 @@ impl Report {
                 "Readings of real crossings near it confirm this; each ± is one standard deviation."
                     .to_owned()
             }
-            PeakStatus::Supported => {
-                "Real readings support this, but too few crossings are near it to confirm it; each ± is one \
-                 standard deviation."
-                    .to_owned()
-            }
+            PeakStatus::Supported => format!(
+                "Real readings support this, but do not confirm it: {}. Each ± is one standard deviation.",
+                text::NOT_CONFIRMED
+            ),
             PeakStatus::Doubtful => {
                 "Do not rely on this yet: real readings contradict it or constrain it too little."
                     .to_owned()

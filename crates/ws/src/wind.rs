@@ -10,9 +10,6 @@ const MEMORY_S: f64 = 180.0;
 /// One standard deviation of what the law of wind with height is off from where vehicles flew to the plume's
 /// axis, as a part of the speed.
 const LAW: f64 = 0.03;
-/// Reports from heights that differ from the reference by this factor at most are of its layer, as in `plumage flux`: beyond, no
-/// power law holds, and a vehicle on the ground reports no wind of the plume.
-const SAME_LAYER: f64 = 2.0;
 
 /// The world's mean wind over time.
 #[derive(Debug, Clone)]
@@ -111,7 +108,7 @@ impl WorldWind {
         };
         self.reports.take(time_s, wind.speed_m_s());
         let ratio = height_agl_m / self.scenario.reference_height_agl_m();
-        if (1.0 / SAME_LAYER..=SAME_LAYER).contains(&ratio) {
+        if study::is_same_layer(ratio) {
             self.of_layer.take(time_s, wind.speed_m_s());
         }
         let KnownBy::Reports(last_s) = self.known_by else {

@@ -59,9 +59,9 @@ impl PlumeModel<'_> {
     /// second source alone. None elsewhere, or where the strength is not unknown.
     pub(crate) fn second_alone(&self, at: &[f64]) -> Option<Vec<f64>> {
         let parts = self.parts(at);
+        let two_last = parts.len().saturating_sub(2)..parts.len();
         let of = |id: MechanismId| {
-            let last = parts.len().saturating_sub(2);
-            let part = (last..parts.len()).find(|k| parts[*k].id == id)?;
+            let part = two_last.clone().find(|k| parts[*k].id == id)?;
             Some(self.unknowns_of(part).collect::<Vec<usize>>())
         };
         let strength = self.ln_strength()?;

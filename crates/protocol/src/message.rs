@@ -473,7 +473,7 @@ impl Flux {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum FluxMethod {
-    /// From the corrected model and the wind that was measured.
+    /// From the fit of the model to all readings, and the wind that was measured.
     Inference,
     /// Mass balance of passes across the plume.
     MassBalance,

@@ -187,7 +187,7 @@ fn estimate(gas: Gas, peak: &Peak) -> String {
 /// How a flux was found, in words.
 pub fn flux_method(method: FluxMethod) -> &'static str {
     match method {
-        FluxMethod::Inference => "the corrected model",
+        FluxMethod::Inference => "the fit to all readings",
         FluxMethod::MassBalance => "the mass balance of passes",
         FluxMethod::Combined => "both methods",
     }
@@ -210,7 +210,7 @@ pub fn flux_notes(summary: &MissionSummary) -> Vec<String> {
     let mut said = Vec::new();
     let is = |method: FluxMethod| summary.flux.iter().any(|f| f.found.method == method);
     if summary.peak.status == PeakStatus::Doubtful && is(FluxMethod::Inference) {
-        said.push("The flux by the corrected model is as doubtful as its peak.".to_owned());
+        said.push("The flux by the fit is as doubtful as its peak.".to_owned());
     }
     match [FluxMethod::Inference, FluxMethod::MassBalance, FluxMethod::Combined].map(is) {
         [true, false, _] => said.push(

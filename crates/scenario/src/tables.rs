@@ -82,7 +82,7 @@ pub struct MissionTable {
     /// this part of its excess, and what [`MissionTable::flux_within`] asks holds too; none for a mission that asks
     /// nothing of the peak.
     pub peak_within: Option<f64>,
-    /// The same for each source's flux by the corrected model. With neither the mission takes the time it has.
+    /// The same for the flux, the first answer of `summary.json`. With neither the mission takes the time it has.
     pub flux_within: Option<f64>,
 }
 

@@ -54,6 +54,8 @@ pub(crate) struct Summed<const N: usize> {
     pub values: Vec<(f64, f64)>,
     /// Variance of the values that each unknown explains.
     pub explained: [f64; N],
+    /// Covariance of the values with each unknown.
+    pub covariance: [f64; N],
     /// The unknowns of each cell with its weight.
     pub cells: Vec<([f64; N], f64)>,
 }
@@ -66,6 +68,7 @@ impl<const N: usize> Summed<N> {
         let mut summed: Vec<(f64, f64)> = values.iter().map(|v| (*v, 0.0)).collect();
         let mut parts: [Vec<(f64, f64, f64)>; N] = std::array::from_fn(|_| Vec::new());
         let mut weights = Vec::with_capacity(cells.len());
+        let mut all = 0.0;
         for (at, ln) in cells {
             let (mut weight, mut sum) = (0.0, 0.0);
             for (slot, l) in summed.iter_mut().zip(ln) {
@@ -78,9 +81,16 @@ impl<const N: usize> Summed<N> {
                 parts.push((*unknown, sum, weight));
             }
             weights.push((*at, weight));
+            all += weight;
         }
+        let middle = mean(&summed);
+        let covariance = |parts: &Vec<(f64, f64, f64)>| {
+            let of = |(unknown, sum, weight): &(f64, f64, f64)| unknown * (sum - middle * weight);
+            parts.iter().map(of).sum::<f64>() / all
+        };
         Self {
             values: summed,
+            covariance: std::array::from_fn(|k| covariance(&parts[k])),
             explained: parts.map(|p| explained(&p)),
             cells: weights,
         }

@@ -1,40 +1,52 @@
 //! What the sources emit: by the corrected model, by the balance of mass of passes, and by both.
+//!
+//! Where the air is unsteady, the fit of single readings hardly tells how strong and how high the mean plume is, and passes
+//! do: what each carries through a metre of height, at several heights, with an axis that wanders up and down
+//! ([`study::pass_rate`]). There their rate and σz replace those of the fit, beside what the scenario says of the strength;
+//! c_MAX, peak and rate follow together.
 
 use super::Calibrator;
 use air::wind::WindVector;
+use nalgebra::{DMatrix, DVector, Vector2};
 use plume::curtain::Sample;
 use plume::{DispersionModel, DispersionSpec, MechanismId, SourceSpec};
 use protocol::message::{Estimate, Flux, FluxMethod};
 use study::Interval;
 use study::combine::{AGREEMENT_P, agreement_p, of_one_record};
-use study::pass_rate::{PassPlume, SourcePlume, Weighing, rate_by_passes};
+use study::pass_rate::{PassPlume, PassRate, SourcePlume, Weighing, rate_by_passes};
+
+/// Nothing is known of an unknown whose standard deviation is so many times that of the scenario.
+const NOTHING_KNOWN: f64 = 100.0;
 
 impl Calibrator {
     /// What the sources emit, kg/s, if the wind at the scenario's reference height is `wind_m_s`: first what stands for the
-    /// answer. Where corrected model and balance of mass agree that is their mean, with the interval of the narrower one,
-    /// since both read the same eddies; else, of one source, the balance, which needs no model of the plume's strength.
+    /// answer. That is the rate of the stated model where passes were taken into it; else, where fit and balance of mass
+    /// agree, their mean, with the interval of the narrower one, since both read the same eddies; else, of one source, the
+    /// balance, which needs no model of the plume's strength.
     pub fn fluxes(&self, wind_m_s: Estimate) -> Vec<Flux> {
         let flux = |method, source, kg_s| Flux {
             source,
             method,
             kg_s,
         };
-        let inferred = self.flux(wind_m_s);
-        let inferred = inferred
+        let (at, covariance) = &self.by_fit;
+        let by_fit = self.unknowns.flux(&self.base, at, covariance, wind_m_s);
+        let inferred = by_fit
             .into_iter()
             .map(|(source, kg_s)| flux(FluxMethod::Inference, source, kg_s));
-        let Some((source, balance)) = self.balance(wind_m_s) else {
+        let Some(passes) = &self.passes else {
             return inferred.collect();
         };
-        let weighed = flux(FluxMethod::MassBalance, source.clone(), estimate(balance));
-        let all = self.inferred_in_all(wind_m_s);
-        let agrees = |all: &Interval| agreement_p(*all, balance).is_some_and(|p| p >= AGREEMENT_P);
-        match all
-            .filter(agrees)
-            .and_then(|all| of_one_record(&[all, balance]))
-        {
+        let faster = wind_m_s.value / self.base.wind.reference_speed_m_s();
+        let balance = passes.kg_s(faster, wind_m_s.sd / wind_m_s.value);
+        let names = self
+            .unknowns
+            .source_names(&self.base, &self.in_the_mean.0)
+            .join(Flux::AND);
+        let weighed = flux(FluxMethod::MassBalance, names.clone(), estimate(balance));
+        match self.combined(balance, wind_m_s) {
             Some(both) => {
-                let combined = flux(FluxMethod::Combined, source, estimate(both));
+                let combined = flux(FluxMethod::Combined, names, both);
                 let rest = inferred.chain([weighed]);
                 [combined].into_iter().chain(rest).collect()
             }
@@ -44,15 +56,32 @@ impl Calibrator {
         }
     }
 
-    /// What each source of the sensor's gas emits, kg/s, by name: readings tell the ratio of emission to wind.
+    /// The rate by passes and fit; none where they disagree.
+    fn combined(&self, balance: Interval, wind_m_s: Estimate) -> Option<Estimate> {
+        let fit = self.in_all(&self.by_fit, wind_m_s)?;
+        let both = if !agree(fit, balance) {
+            None
+        } else if self.with_passes().is_some() {
+            self.in_all(&self.in_the_mean, wind_m_s)
+        } else {
+            of_one_record(&[fit, balance])
+        };
+        both.map(estimate)
+    }
+
+    /// What each source of the sensor's gas emits by the corrected model, kg/s, by name: readings tell the ratio of emission
+    /// to wind.
     pub fn flux(&self, wind_m_s: Estimate) -> Vec<(String, Estimate)> {
         let (at, covariance) = &self.in_the_mean;
         self.unknowns.flux(&self.base, at, covariance, wind_m_s)
     }
 
     /// What they emit together.
-    fn inferred_in_all(&self, wind_m_s: Estimate) -> Option<Interval> {
-        let (at, covariance) = &self.in_the_mean;
+    fn in_all(
+        &self,
+        (at, covariance): &(DVector<f64>, DMatrix<f64>),
+        wind_m_s: Estimate,
+    ) -> Option<Interval> {
         let all = self
             .unknowns
             .flux_in_all(&self.base, at, covariance, wind_m_s);
@@ -60,17 +89,53 @@ impl Calibrator {
         is_known.then(|| Interval::of_mean(all.value, all.sd))
     }
 
-    /// What all sources emit together, kg/s, by the passes that were flown, above the background of the corrected model;
-    /// none where too few cross the plume. Their height begins where the corrected plume has it: passes are laid about that.
-    fn balance(&self, wind_m_s: Estimate) -> Option<(String, Interval)> {
+    /// The unknowns with rate and vertical spread by passes where the plume meanders; none elsewhere, and where several
+    /// sources emit otherwise by the fit than by passes.
+    pub(super) fn with_passes(&self) -> Option<(DVector<f64>, DMatrix<f64>)> {
+        self.meander?;
+        let passes = self.passes.as_ref()?;
+        let [strength, spread] = [MechanismId::EmissionScale, MechanismId::SigmaZScale]
+            .map(|id| self.unknowns.index(id, None));
+        let (strength, spread) = (strength?, spread?);
+        let wind_m_s = Estimate {
+            value: self.base.wind.reference_speed_m_s(),
+            sd: 0.0,
+        };
+        let fit = self.in_all(&self.by_fit, wind_m_s)?;
+        let names = self.unknowns.source_names(&self.base, &self.by_fit.0);
+        if names.len() > 1 && !agree(fit, passes.kg_s(1.0, 0.0)) {
+            return None;
+        }
+        let (mut at, mut covariance) = self.by_fit.clone();
+        let prior = (self.unknowns.prior_mean(), self.unknowns.prior_sd());
+        for (k, factor) in [(strength, 1.0), (spread, NOTHING_KNOWN)] {
+            at[k] = prior.0[k];
+            covariance.row_mut(k).fill(0.0);
+            covariance.column_mut(k).fill(0.0);
+            covariance[(k, k)] = (factor * prior.1[k]).powi(2);
+        }
+        let (ln_kg_s, slope) = self.unknowns.ln_flux(&self.base, &at, &covariance)?;
+        let mut slopes = DMatrix::zeros(2, at.len());
+        slopes.set_row(0, &slope.transpose());
+        slopes[(1, spread)] = 1.0;
+        // Both count from the scenario's spread.
+        let off = Vector2::from(passes.mean) - Vector2::new(ln_kg_s, 0.0);
+        let known = &slopes * &covariance * slopes.transpose()
+            + DMatrix::from_fn(2, 2, |i, j| passes.covariance[i][j]);
+        let gain = &covariance * slopes.transpose() * known.try_inverse()?;
+        at += &gain * DVector::from_column_slice(off.as_slice());
+        covariance -= &gain * &slopes * &covariance;
+        Some((at, 0.5 * (&covariance + covariance.transpose())))
+    }
+
+    /// What passes tell of rate and vertical spread, above the background of the corrected model, in the scenario's wind
+    /// speed; none where too few cross the plume. Their height begins where the corrected plume has it, since passes are
+    /// laid about that, and their spread where the scenario has it.
+    pub(super) fn pass_rate(&self) -> Option<PassRate> {
         let base = &self.base;
         let (samples, background_sd_ppm) = self.excess_samples()?;
-        let reference = base.wind.turned(self.turn_deg());
-        let faster = wind_m_s.value / reference.reference_speed_m_s();
-        let wind = |height_agl_m: f64| {
-            let speed = faster * reference.speed_at_m_s(height_agl_m);
-            WindVector::from_speed_and_direction(speed, reference.from_deg())
-        };
+        let turned = base.wind.turned(self.turn_deg());
+        let wind = |height_agl_m: f64| -> WindVector { turned.at(height_agl_m) };
         let model = DispersionModel::new(base.clone()).ok()?;
         let plume = PassPlume {
             sources: &self.source_plumes()?,
@@ -82,11 +147,8 @@ impl Calibrator {
         let weighing = Weighing {
             noise_sd_ppm: noise_sd_ppm(base),
             background_sd_ppm,
-            wind_ln_sd: wind_m_s.sd / wind_m_s.value,
         };
-        let kg_s = rate_by_passes(&samples, &study::site(base), plume, &wind, weighing)?;
-        let names = self.unknowns.source_names(base, &self.in_the_mean.0);
-        Some((names.join(Flux::AND), kg_s))
+        rate_by_passes(&samples, &study::site(base), plume, &wind, weighing)
     }
 
     /// The plumes of the scenario's sources at their corrected heights, with the shares of the corrected model. One that was
@@ -145,6 +207,11 @@ impl Calibrator {
         let samples = study::samples(&self.setup.frame, &self.observations);
         Some((samples.into_iter().map(excess).collect(), sd_ppm))
     }
+}
+
+/// Whether two rates agree.
+fn agree(a: Interval, b: Interval) -> bool {
+    agreement_p(a, b).is_some_and(|p| p >= AGREEMENT_P)
 }
 
 /// White noise of a reading with what rounding adds, ppm: that of a resolution r is uniform, r/√12.

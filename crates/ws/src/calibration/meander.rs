@@ -159,17 +159,6 @@ impl Meander {
         })
     }
 
-    /// The same by the crossings alone, as in flight: there the next passes are laid by it, and those that are laid
-    /// wider than the plume tell less of it.
-    pub fn as_seen(self) -> Self {
-        Self {
-            may_be: if self.is_followed { 1.0 } else { self.seen },
-            freedoms: (self.freedoms - WORTH).max(1.0),
-            few: 1.0,
-            ..self
-        }
-    }
-
     /// The unknowns in the mean over meanders.
     pub fn in_the_mean(
         &self,

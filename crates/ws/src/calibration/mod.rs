@@ -35,6 +35,7 @@ use plume::{DispersionModel, DispersionSpec, MechanismId, Place};
 use protocol::message::Estimate;
 use scenario::Scenario;
 use scenario::observations::{ObservationRow, Observations};
+use study::pass_rate::PassRate;
 
 /// A correction is worth its time when there are more rows by this factor: fewer change standard
 /// deviations by about a tenth.
@@ -75,6 +76,10 @@ pub struct Calibrator {
     /// How far the axis lay from that of the estimate in the mean of `moments`, and how far both
     /// together may be off; none before a fit, and without an axis drift.
     turn: Option<infer::Estimate>,
+    /// The estimate and its covariance in the mean over meanders, by the fit alone.
+    by_fit: (DVector<f64>, DMatrix<f64>),
+    /// What passes tell of rate and vertical spread; none where too few cross the plume.
+    passes: Option<PassRate>,
     /// The estimate and its covariance in the mean over meanders.
     in_the_mean: (DVector<f64>, DMatrix<f64>),
     /// Rows that there were at the last fit.
@@ -84,15 +89,11 @@ pub struct Calibrator {
     carried: Option<Carried>,
     /// Direction from which the logged wind blew where the plume was met, degrees; none without a log.
     logged_from_deg: Option<f64>,
-    /// Whether all is read, and what is found is stated.
-    concludes: bool,
     /// When the plume was last met, s.
     met_s: f64,
     predicted: peak::Predicted,
     /// The meander that crossings show; none where they may be those of a steady plume.
     meander: Option<Meander>,
-    /// By what the intervals of a meander that rests on few crossings are wider than those stated in flight.
-    few: f64,
     /// Half width of the peak's 95 % interval over its excess at which it is as well known as is asked.
     peak_within: f64,
 }
@@ -114,6 +115,8 @@ impl Calibrator {
         let estimate = unknowns.prior_mean();
         let covariance = DMatrix::from_diagonal(&unknowns.prior_sd().map(|sd| sd * sd));
         Ok(Self {
+            by_fit: (estimate.clone(), covariance.clone()),
+            passes: None,
             in_the_mean: (estimate.clone(), covariance.clone()),
             beforehand: covariance.diagonal(),
             estimate,
@@ -134,11 +137,9 @@ impl Calibrator {
             posterior: None,
             carried: None,
             logged_from_deg: None,
-            concludes: false,
             met_s: 0.0,
             predicted: peak::Predicted::default(),
             meander: None,
-            few: 1.0,
             peak_within: scenario.mission.peak_within.unwrap_or(peak::WITHIN),
         })
     }
@@ -278,9 +279,9 @@ impl Calibrator {
             variances.view_mut((0, 0), shape).copy_from(&known);
             (all, variances)
         };
-        let mean_over_meanders = with_priors(&self.in_the_mean.0, &self.in_the_mean.1);
+        self.in_the_mean = with_priors(&self.in_the_mean.0, &self.in_the_mean.1);
+        self.by_fit = with_priors(&self.by_fit.0, &self.by_fit.1);
         (self.estimate, self.covariance) = with_priors(&self.estimate, &self.covariance);
-        self.in_the_mean = mean_over_meanders;
         self.posterior = None;
     }
 
@@ -343,7 +344,6 @@ impl Calibrator {
             emitted_s: f64::NAN,
             ..PlumePlace::default()
         };
-        self.concludes = true;
         let Some(records) = self.records(false)? else {
             return Ok(());
         };
@@ -404,14 +404,17 @@ impl Calibrator {
             .has_logged_wind()
             .then(|| records.met_from_deg(&track, self.predicted.plume()));
         self.fitted_rows = self.row_count();
-        let meander = Meander::of(&self.predicted, self.width_deg());
-        self.few = meander.filter(|_| !self.concludes).map_or(1.0, |m| m.few);
-        self.meander = meander.map(|m| if self.concludes { m } else { m.as_seen() });
+        self.meander = Meander::of(&self.predicted, self.width_deg());
         let stated = model.stated(nearest, &posterior, self.meander.is_some())?;
         (self.covariance, self.beforehand) = (stated.covariance, stated.prior);
         self.posterior = Some(posterior);
         self.turn = self.mean_turn();
-        self.in_the_mean = self.averaged();
+        self.by_fit = self.averaged();
+        self.in_the_mean = self.by_fit.clone();
+        self.passes = self.pass_rate();
+        if let Some(with_passes) = self.with_passes() {
+            self.in_the_mean = with_passes;
+        }
         Ok(())
     }
 

@@ -285,6 +285,21 @@ impl Unknowns {
         in_wind(self.of_model(base, at, covariance, &per_m_s(all)), wind_m_s)
     }
 
+    /// ln of what all of them emit, kg/s, in the scenario's wind, and its slopes.
+    pub fn ln_flux(
+        &self,
+        base: &DispersionSpec,
+        at: &DVector<f64>,
+        covariance: &DMatrix<f64>,
+    ) -> Option<(f64, DVector<f64>)> {
+        let all = |model: &DispersionModel| model.emissions_kg_s().iter().map(|e| e.1).sum();
+        let ln_kg_s =
+            |model: &DispersionModel| (per_m_s(all)(model) * base.wind.reference_speed_m_s()).ln();
+        let (ln_kg_s, slope) = self.linearised(base, at, covariance, &ln_kg_s);
+        let is_known = ln_kg_s.is_finite() && slope.iter().all(|s| s.is_finite());
+        is_known.then_some((ln_kg_s, slope))
+    }
+
     /// Names of the sources of the sensor's gas.
     pub fn source_names(&self, base: &DispersionSpec, at: &DVector<f64>) -> Vec<String> {
         let model = DispersionModel::new(self.folded(base, at));
@@ -301,6 +316,22 @@ impl Unknowns {
         covariance: &DMatrix<f64>,
         value: &dyn Fn(&DispersionModel) -> f64,
     ) -> Estimate {
+        let (here, slope) = self.linearised(base, at, covariance, value);
+        let variance = (slope.transpose() * covariance * &slope)[(0, 0)];
+        Estimate {
+            value: here,
+            sd: variance.max(0.0).sqrt(),
+        }
+    }
+
+    /// What `value` is of the model at these values, and its slopes, by differences of a part of each standard deviation.
+    fn linearised(
+        &self,
+        base: &DispersionSpec,
+        at: &DVector<f64>,
+        covariance: &DMatrix<f64>,
+        value: &dyn Fn(&DispersionModel) -> f64,
+    ) -> (f64, DVector<f64>) {
         // 0 for values that make no model.
         let value = |at: &DVector<f64>| {
             DispersionModel::new(self.folded(base, at)).map_or(0.0, |model| value(&model))
@@ -315,11 +346,7 @@ impl Unknowns {
             aside[k] += step;
             (value(&aside) - here) / step
         });
-        let variance = (slope.transpose() * covariance * &slope)[(0, 0)];
-        Estimate {
-            value: here,
-            sd: variance.max(0.0).sqrt(),
-        }
+        (here, slope)
     }
 }
 

@@ -349,7 +349,7 @@ impl Calibrator {
             );
             return (PeakStatus::Supported, words);
         }
-        let half_width = study::SD_95 * self.few * relative_sd;
+        let half_width = study::SD_95 * relative_sd;
         if half_width <= self.peak_within {
             return (PeakStatus::Confirmed, agree.to_owned());
         }

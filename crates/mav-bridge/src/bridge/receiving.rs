@@ -12,11 +12,10 @@ use crate::authority::Authority;
 use crate::authority::{BridgePhase, HeartbeatState};
 use crate::command_queue::VehicleCommand;
 use crate::dialect::{
-    AIRSPEED_DATA, ATTITUDE_DATA, BATTERY_STATUS_DATA, EXTENDED_SYS_STATE_DATA, EkfStatusFlags,
-    GLOBAL_POSITION_INT_DATA, GPS_RAW_INT_DATA, HEARTBEAT_DATA, HOME_POSITION_DATA,
-    HYGROMETER_SENSOR_DATA, MavAutopilot, MavMessage, MavParamType, MavSeverity, MavState,
-    PARAM_VALUE_DATA, POSITION_TARGET_GLOBAL_INT_DATA, SCALED_PRESSURE_DATA, SYS_STATUS_DATA,
-    VFR_HUD_DATA,
+    ATTITUDE_DATA, BATTERY_STATUS_DATA, EXTENDED_SYS_STATE_DATA, EkfStatusFlags,
+    GLOBAL_POSITION_INT_DATA, GPS_RAW_INT_DATA, HEARTBEAT_DATA, HOME_POSITION_DATA, MavAutopilot,
+    MavMessage, MavParamType, MavSeverity, MavState, PARAM_VALUE_DATA,
+    POSITION_TARGET_GLOBAL_INT_DATA, SCALED_PRESSURE_DATA, SYS_STATUS_DATA, VFR_HUD_DATA,
 };
 use crate::event::event;
 use crate::profile::{Meaning, Profile};
@@ -342,11 +341,9 @@ impl Bridge {
             (ATTITUDE_DATA::ID, fast),
             (VFR_HUD_DATA::ID, fast),
             (SCALED_PRESSURE_DATA::ID, SLOW_HZ),
-            (HYGROMETER_SENSOR_DATA::ID, SLOW_HZ),
             (EXTENDED_SYS_STATE_DATA::ID, SLOW_HZ),
             (SYS_STATUS_DATA::ID, 1.0),
             (BATTERY_STATUS_DATA::ID, 1.0),
-            (AIRSPEED_DATA::ID, SLOW_HZ),
             (POSITION_TARGET_GLOBAL_INT_DATA::ID, SLOW_HZ),
             (GPS_RAW_INT_DATA::ID, 1.0),
         ];

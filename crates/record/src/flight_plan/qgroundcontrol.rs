@@ -1,6 +1,6 @@
 //! QGroundControl's `.plan`: JSON, version 1, with mission and fence (QGroundControl Developer Guide, *Plan File Format*).
 
-use super::{FlightPlan, Heights};
+use super::{FlightPlan, Heights, STOP_S};
 use serde_json::{Value, json};
 
 /// MAV_CMD: waypoint, return to launch, take-off, change of speed.
@@ -16,8 +16,6 @@ const ABOVE_HOME: u8 = 3;
 const ARDUPILOT: u8 = 3;
 const FIXED_WING: u8 = 1;
 const QUADROTOR: u8 = 2;
-/// How long an aircraft waits where it stops, s.
-pub(super) const STOP_S: f64 = 2.0;
 
 /// The text of the file.
 pub(super) fn encode(plan: &FlightPlan, heights: Heights) -> String {

@@ -1,8 +1,7 @@
 //! DJI's WPML, version 1.0.2: the template that Pilot 2 shows and edits, and the wayline that the aircraft flies (DJI Cloud
 //! API, *WPML*). Heights count from the place of take-off.
 
-use super::qgroundcontrol::STOP_S;
-use super::{FlightPlan, Heights};
+use super::{FlightPlan, Heights, STOP_S};
 use std::fmt::Write as _;
 
 /// The aircraft in DJI's list: Mavic 3 Enterprise with its wide camera. Pilot 2 lets the user choose another.
@@ -75,7 +74,7 @@ pub(super) fn encode(plan: &FlightPlan, made_ms: u64) -> [String; 2] {
          <wpml:executeHeightMode>relativeToStartPoint</wpml:executeHeightMode>\n<wpml:waylineId>0</wpml:waylineId>\n\
          <wpml:distance>{length_m:.1}</wpml:distance>\n<wpml:duration>{:.1}</wpml:duration>\n\
          <wpml:autoFlightSpeed>{speed:.1}</wpml:autoFlightSpeed>\n{wayline}</Folder>\n",
-        length_m / speed
+        plan.least_s()
     ));
     [template, wayline]
 }

@@ -3,7 +3,7 @@
 use crate::flight::pair::{Pair, decode, scenario, setpoint};
 use air::geo::Enu;
 use mav_bridge::arducopter::{GUIDED, LAND, LOITER, RTL};
-use protocol::message::{ControlLevel, PathKind, Setpoint};
+use protocol::message::{ControlLevel, EventMessage, PathKind, Setpoint};
 use stand_in::{StandInConfig, Sticks};
 
 const QUAD: &str = include_str!("../../../../aircraft/quad.toml");
@@ -100,6 +100,9 @@ fn takes_off_flies_to_places_stops_there_and_lands_at_home() {
     let off = Enu::new(truth.east_m, truth.north_m).distance_m(home());
     assert!(!pair.vehicle.is_armed() && off < 2.0, "{off} m, {truth:?}");
     assert_eq!(pair.said("landed"), 1, "{:#?}", pair.events);
+    // The team's setpoint is still the landing, which nobody need hear of.
+    let ignored = |e: &&EventMessage| e.code == "setpoint-ignored" && e.text.contains("ground");
+    assert_eq!(pair.events.iter().find(ignored), None);
 }
 
 #[test]

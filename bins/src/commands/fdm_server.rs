@@ -169,6 +169,11 @@ fn print_parameters(config: &StandInConfig) {
     for (name, value) in parameters {
         println!("{name} {value}");
     }
+    if let Airframe::Multirotor(aircraft) = &config.aircraft {
+        for (name, value) in aircraft.ardupilot_drag() {
+            println!("{name} {value:.4}");
+        }
+    }
 }
 
 /// The autopilot's counterpart on the network.

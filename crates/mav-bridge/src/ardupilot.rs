@@ -1,8 +1,6 @@
 //! What ArduPlane and ArduCopter have alike: parameters, the words of their failsafes and the messages that the bridge requests.
 
-use crate::dialect::{
-    AIRSPEED_DATA, EKF_STATUS_REPORT_DATA, FENCE_STATUS_DATA, HYGROMETER_SENSOR_DATA, WIND_DATA,
-};
+use crate::dialect::{EKF_STATUS_REPORT_DATA, FENCE_STATUS_DATA, WIND_DATA};
 use crate::profile::{
     Meaning::{Doubtful, Right},
     Rule, Saying,
@@ -62,13 +60,4 @@ pub(crate) const MESSAGES: &[(u32, f64)] = &[
     (WIND_DATA::ID, 2.0),
     (EKF_STATUS_REPORT_DATA::ID, 1.0),
     (FENCE_STATUS_DATA::ID, 1.0),
-];
-/// The same of an aircraft with an airspeed sensor and perhaps a hygrometer on it. ArduCopter answers each request for the
-/// hygrometer with a text for its pilot.
-pub(crate) const MESSAGES_WITH_AIRSPEED: &[(u32, f64)] = &[
-    MESSAGES[0],
-    MESSAGES[1],
-    MESSAGES[2],
-    (HYGROMETER_SENSOR_DATA::ID, 2.0),
-    (AIRSPEED_DATA::ID, 2.0),
 ];

@@ -2,7 +2,7 @@
 
 use crate::arducopter::ARDUCOPTER;
 use crate::ardupilot::{
-    CAUSES, FENCE_ACTION, FENCE_ON_BOARD, MAV_GCS_SYSID, MESSAGES_WITH_AIRSPEED, SYSID_MYGCS,
+    CAUSES, FENCE_ACTION, FENCE_ON_BOARD, MAV_GCS_SYSID, MESSAGES, SYSID_MYGCS,
 };
 use crate::dialect::{MavAutopilot, PlaneMode};
 use crate::profile::{
@@ -184,7 +184,7 @@ pub const ARDUPLANE: Profile = Profile {
         ],
     },
     causes: CAUSES,
-    messages: MESSAGES_WITH_AIRSPEED,
+    messages: MESSAGES,
     caution: "",
 };
 

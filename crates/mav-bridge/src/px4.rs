@@ -2,9 +2,7 @@
 //! `Commander.cpp`, `navigator_main.cpp`, `loiter.cpp`, `commander_params.c`, `mavlink_parameters.cpp`). Nobody has
 //! flown a real one by it yet.
 
-use crate::dialect::{
-    AIRSPEED_DATA, ESTIMATOR_STATUS_DATA, HYGROMETER_SENSOR_DATA, MavAutopilot, WIND_COV_DATA,
-};
+use crate::dialect::{ESTIMATOR_STATUS_DATA, MavAutopilot, WIND_COV_DATA};
 use crate::profile::{
     Commands, FIXED_WINGS, MULTIROTORS,
     Meaning::{Doubtful, Right},
@@ -233,11 +231,6 @@ const FIXED_WING: Profile = Profile {
             danger: Danger::Battery,
         },
     ],
-    messages: &[
-        (WIND_COV_DATA::ID, 2.0),
-        (ESTIMATOR_STATUS_DATA::ID, 1.0),
-        (HYGROMETER_SENSOR_DATA::ID, 2.0),
-        (AIRSPEED_DATA::ID, 2.0),
-    ],
+    messages: &[(WIND_COV_DATA::ID, 2.0), (ESTIMATOR_STATUS_DATA::ID, 1.0)],
     caution: "a pilot takes over with any mode but Hold, which the bridge uses too",
 };

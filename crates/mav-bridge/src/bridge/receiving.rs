@@ -12,10 +12,11 @@ use crate::authority::Authority;
 use crate::authority::{BridgePhase, HeartbeatState};
 use crate::command_queue::VehicleCommand;
 use crate::dialect::{
-    ATTITUDE_DATA, BATTERY_STATUS_DATA, EXTENDED_SYS_STATE_DATA, EkfStatusFlags,
-    GLOBAL_POSITION_INT_DATA, GPS_RAW_INT_DATA, HEARTBEAT_DATA, HOME_POSITION_DATA, MavAutopilot,
-    MavMessage, MavParamType, MavSeverity, MavState, PARAM_VALUE_DATA,
-    POSITION_TARGET_GLOBAL_INT_DATA, SCALED_PRESSURE_DATA, SYS_STATUS_DATA, VFR_HUD_DATA,
+    AIRSPEED_DATA, ATTITUDE_DATA, BATTERY_STATUS_DATA, EXTENDED_SYS_STATE_DATA, EkfStatusFlags,
+    GLOBAL_POSITION_INT_DATA, GPS_RAW_INT_DATA, HEARTBEAT_DATA, HOME_POSITION_DATA,
+    HYGROMETER_SENSOR_DATA, MavAutopilot, MavMessage, MavParamType, MavSeverity, MavState,
+    PARAM_VALUE_DATA, POSITION_TARGET_GLOBAL_INT_DATA, SCALED_PRESSURE_DATA, SYS_STATUS_DATA,
+    VFR_HUD_DATA,
 };
 use crate::event::event;
 use crate::profile::{Meaning, Profile};
@@ -341,16 +342,23 @@ impl Bridge {
             (ATTITUDE_DATA::ID, fast),
             (VFR_HUD_DATA::ID, fast),
             (SCALED_PRESSURE_DATA::ID, SLOW_HZ),
+            (HYGROMETER_SENSOR_DATA::ID, SLOW_HZ),
             (EXTENDED_SYS_STATE_DATA::ID, SLOW_HZ),
             (SYS_STATUS_DATA::ID, 1.0),
             (BATTERY_STATUS_DATA::ID, 1.0),
+            (AIRSPEED_DATA::ID, SLOW_HZ),
             (POSITION_TARGET_GLOBAL_INT_DATA::ID, SLOW_HZ),
             (GPS_RAW_INT_DATA::ID, 1.0),
         ];
         let home = (HOME_POSITION_DATA::ID, HOME_HZ);
         let home = self.checklist.is_kept().then_some(home);
         let own = self.config.profile.messages.iter().copied();
-        let wanted: Vec<(u32, f64)> = wanted.into_iter().chain(own).chain(home).collect();
+        // A multirotor has no airspeed sensor, and no hygrometer on one.
+        let of_airspeed = [HYGROMETER_SENSOR_DATA::ID, AIRSPEED_DATA::ID];
+        let rotors = self.config.profile.commands.ground_speed;
+        let there = |(id, _): &(u32, f64)| !(rotors && of_airspeed.contains(id));
+        let wanted = wanted.into_iter().filter(there).chain(own).chain(home);
+        let wanted: Vec<(u32, f64)> = wanted.collect();
         self.rates.start(&wanted, now);
         self.fence.read();
         for name in self.checklist.parameters() {

@@ -285,7 +285,7 @@ rung("MISSION_REQUEST, the older form", "answers", said(come("MISSION_ITEM", lam
 clear()
 link.mav.mission_request_int_send(*me, 99, MISSION)
 ack = come("MISSION_ACK")
-transferred("an item beyond the end", None if ack is None else ack.type, m.MAV_MISSION_ERROR)
+transferred("an item beyond the end", None if ack is None else ack.type, m.MAV_MISSION_INVALID_SEQUENCE)
 odd = [TOUR[0], item(1, m.MAV_CMD_NAV_ROI, 10, 10, 10)]
 transferred("upload with a command that it has not", upload(odd, MISSION), m.MAV_MISSION_UNSUPPORTED)
 off = [TOUR[0], item(1, m.MAV_CMD_NAV_WAYPOINT, up_m=50, frame=m.MAV_FRAME_LOCAL_NED)]

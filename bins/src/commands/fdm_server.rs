@@ -36,6 +36,9 @@ emission_kg_s = 0.0
 const GAS_COMPONENT: u8 = 25;
 /// An autopilot that says nothing for this long is said to be silent.
 const SILENCE: Duration = Duration::from_secs(12);
+/// Shortest time between two messages of what becomes of the aircraft, s: rotors that spin down lift it off again for
+/// some hundredths of a second.
+const SETTLES_S: f64 = 1.0;
 /// Longest packet: that of 32 outputs has 72 bytes.
 const PACKET_BYTES: usize = 512;
 
@@ -124,6 +127,7 @@ pub fn fdm_server(arguments: &FdmServerArguments) -> Result<(), Failure> {
         gas: gas.transpose()?,
         autopilot: None,
         phase: FlightPhase::OnGround,
+        told_s: f64::NEG_INFINITY,
     };
     loop {
         server.serve_one()?;
@@ -165,6 +169,11 @@ fn print_parameters(config: &StandInConfig) {
     for (name, value) in parameters {
         println!("{name} {value}");
     }
+    if let Airframe::Multirotor(aircraft) = &config.aircraft {
+        for (name, value) in aircraft.ardupilot_drag() {
+            println!("{name} {value:.4}");
+        }
+    }
 }
 
 /// The autopilot's counterpart on the network.
@@ -174,6 +183,8 @@ struct Server {
     gas: Option<GasSender>,
     autopilot: Option<SocketAddr>,
     phase: FlightPhase,
+    /// Time of the last message of the phase, s.
+    told_s: f64,
 }
 
 impl Server {
@@ -226,31 +237,32 @@ impl Server {
         }
         if stepped == Stepped::Anew {
             println!("{time_s:8.1} s  the autopilot restarted; the aircraft is back at home");
+            self.phase = FlightPhase::OnGround;
+            self.told_s = f64::NEG_INFINITY;
         }
         let state = self.backend.state();
+        if state.phase == self.phase || time_s < self.told_s + SETTLES_S {
+            return;
+        }
+        let hard = if state.flags.hard_landing {
+            " hard"
+        } else {
+            ""
+        };
         let words = match (self.phase, state.phase) {
-            (before, now) if before == now => None,
-            (FlightPhase::OnGround, _) => Some("launched".to_owned()),
-            (_, FlightPhase::Flying) => Some("airborne".to_owned()),
+            (FlightPhase::OnGround, _) => "launched".to_owned(),
+            (_, FlightPhase::Flying) => "airborne".to_owned(),
             (FlightPhase::Flying, FlightPhase::Sliding) => {
-                let hard = if state.flags.hard_landing {
-                    " hard"
-                } else {
-                    ""
-                };
                 let [north, east, _] = state.vel_ned_m_s;
-                Some(format!(
-                    "touched down{hard} at {:.1} m/s",
-                    north.hypot(east)
-                ))
+                format!("touched down{hard} at {:.1} m/s", north.hypot(east))
             }
-            (_, FlightPhase::OnGround) => Some("stopped".to_owned()),
-            _ => None,
+            (FlightPhase::Flying, FlightPhase::OnGround) => format!("touched down{hard}"),
+            (_, FlightPhase::OnGround) => "stopped".to_owned(),
+            _ => return,
         };
         self.phase = state.phase;
-        if let Some(words) = words {
-            println!("{time_s:8.1} s  {words}");
-        }
+        self.told_s = time_s;
+        println!("{time_s:8.1} s  {words}");
     }
 }
 

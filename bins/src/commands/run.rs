@@ -105,8 +105,8 @@ pub struct RunArguments {
         help_heading = "Measured data"
     )]
     pub feed_start: Option<Start>,
-    /// Show each vehicle to ground stations (QGroundControl, MAVProxy …) as an ArduPlane; its system id is its number in
-    /// the scenario. LINK: udpout:HOST:PORT, udpin:HOST:PORT, tcp:HOST:PORT, tcpin:HOST:PORT or serial:PATH:BAUD
+    /// Show each vehicle to ground stations (QGroundControl, MAVProxy …) as an ArduPlane or ArduCopter; its system id is its
+    /// number in the scenario. LINK: udpout:HOST:PORT, udpin:HOST:PORT, tcp:HOST:PORT, tcpin:HOST:PORT or serial:PATH:BAUD
     #[arg(long, value_name = "LINK", help_heading = "Integrations")]
     pub gcs: Option<LinkAddress>,
     /// Show vehicle ID in the FlightGear at HOST:PORT, with 50 packets a second; repeatable

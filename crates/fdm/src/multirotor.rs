@@ -20,6 +20,7 @@ pub use flight::MultirotorSim;
 pub use inner_loops::ThrustDemand;
 pub use rotors::{ROTORS, Rotors};
 
+use air::isa::Atmosphere;
 use serde::{Deserialize, Serialize};
 
 use crate::aircraft::{Battery, MassProperties, OUTPUTS};
@@ -171,6 +172,30 @@ impl MotorOutputs {
 }
 
 impl Multirotor {
+    /// The settings by which an ArduCopter estimates the wind from its drag, as name and value: mass over the drag area
+    /// ahead and to the right, kg/m², and the deceleration by the rotors for 1 m/s across them in a hover at sea level, 1/s.
+    pub fn ardupilot_drag(&self) -> [(&'static str, f64); 3] {
+        let mass_kg = self.body.mass_kg;
+        let ballistic = |area_m2: f64| {
+            if area_m2 > 0.0 {
+                mass_kg / area_m2
+            } else {
+                0.0
+            }
+        };
+        let [ahead, right, _] = self.drag.area_m2.map(ballistic);
+        let density_kg_m3 = Atmosphere::standard().at(0.0).density_kg_m3();
+        let per_rotor_n = mass_kg * air::STANDARD_GRAVITY_M_S2 / ROTORS as f64;
+        // Without flow along the shaft thrust is proportional to the square of the speed.
+        let hover_rad_s = (per_rotor_n / self.rotors.thrust_n(1.0, 0.0, density_kg_m3)).sqrt();
+        let rotors = ROTORS as f64 * self.rotors.drag_n_s2_rad_m * hover_rad_s / mass_kg;
+        [
+            ("EK3_DRAG_BCOEF_X", ahead),
+            ("EK3_DRAG_BCOEF_Y", right),
+            ("EK3_DRAG_MCOEF", rotors),
+        ]
+    }
+
     /// Checks every number for sign and range.
     ///
     /// # Errors

@@ -35,6 +35,23 @@ fn rows(text: &str) -> BTreeMap<String, Vec<Vec<f64>>> {
     cases
 }
 
+/// Python: T = 2.064*9.80665/4; n = sqrt(T/(.1290*1.225*.254**4)); 4*8.06428e-5*2*pi*n/2.064 = .0861292; 2.064/.0206 =
+/// 100.194.
+#[test]
+fn the_drag_of_an_arducopter_is_that_of_the_model() {
+    let expected = [
+        ("EK3_DRAG_BCOEF_X", 100.194),
+        ("EK3_DRAG_BCOEF_Y", 100.194),
+        ("EK3_DRAG_MCOEF", 0.086_129_2),
+    ];
+    for ((name, value), (wanted, number)) in quad().ardupilot_drag().into_iter().zip(expected) {
+        assert!(
+            name == wanted && (value / number - 1.0).abs() < 1e-5,
+            "{name} {value}"
+        );
+    }
+}
+
 #[test]
 fn step_responses_are_those_of_scipy() {
     let inputs = rows(include_str!("../../../tests/oracle/multirotor_inputs.csv"));

@@ -184,6 +184,10 @@ impl<'a> Delimited<'a> {
                 continue;
             }
             let Some(time_s) = clock.read(|at| cells.get(at)) else {
+                if tally.rows == 0 && clock.is_unset(|at| cells.get(at)) {
+                    tally.before_clock += 1;
+                    continue;
+                }
                 tally.no_time(line, cells, &self.layout);
                 continue;
             };
@@ -241,15 +245,8 @@ fn by_preset(
         return Ok(map.clone());
     };
     let mut states = preset.states()?;
-    // Some versions of an instrument lack a column of the time: then it is told as of any log.
-    let is_there = |name: &String| layout.headers.iter().any(|h| h.is(name));
-    if states
-        .time
-        .as_ref()
-        .is_some_and(|t| !t.all().iter().all(is_there))
-    {
-        states.time = None;
-    }
+    // A version of an instrument with other columns of the time: it is told as of any log.
+    states.time = preset.time(&layout.headers);
     Ok(map.clone().over(&states))
 }
 
@@ -266,6 +263,9 @@ fn stamps(plan: &Plan, first: &[Cells]) -> Stamps {
         let next = names.len();
         times.push((time_s, *names.entry(name).or_insert(next)));
     }
+    if times.is_empty() {
+        return Stamps::WHOLE_SECONDS;
+    }
     Stamps::of(&times)
 }
 
@@ -280,6 +280,8 @@ fn sided(value: f64, side: &[u8]) -> f64 {
 struct Tally {
     rows: usize,
     repeated_headers: usize,
+    /// Rows at the beginning whose time is empty.
+    before_clock: usize,
     without_time: usize,
     first_without_time: Option<(u64, String)>,
     /// Of each column: cells that are no numbers, and the first of them.
@@ -291,6 +293,7 @@ impl Tally {
         Self {
             rows: 0,
             repeated_headers: 0,
+            before_clock: 0,
             without_time: 0,
             first_without_time: None,
             unreadable: vec![(0, None); columns],
@@ -338,6 +341,20 @@ impl Tally {
                 ));
             }
             notices.push(format!("line {line}: {what}; they are skipped"));
+        }
+        if self.rows == 0 && self.before_clock > 0 {
+            return Err(ImportError::log(
+                name,
+                format!("the time is empty in all {} rows", self.before_clock),
+                "state another column as time in a mapping file (--map), or give a log whose clock was set (a GPS sets \
+                 it at its first fix)",
+            ));
+        }
+        if self.before_clock > 0 {
+            notices.push(format!(
+                "{} rows before the clock was set have no time and are skipped",
+                self.before_clock
+            ));
         }
         if self.rows == 0 {
             return Err(ImportError::log(

@@ -26,6 +26,12 @@ impl Stamps {
         usual: 1,
     };
 
+    /// Times of a clock that is not set in the first rows: those of a GPS, in whole seconds.
+    pub const WHOLE_SECONDS: Self = Self {
+        step_s: 1.0,
+        usual: 1,
+    };
+
     /// Of the first times of a log, with the platform of each.
     pub fn of(times: &[(f64, usize)]) -> Self {
         // Doubles of today's date hold a quarter of a microsecond.

@@ -1,7 +1,7 @@
 //! What is known of the logs of certain instruments, as mapping files.
 
 use crate::ImportError;
-use crate::map::{LogMap, Map};
+use crate::map::{LogMap, Map, Names};
 use crate::recognise::Header;
 
 /// An instrument's or program's log.
@@ -11,45 +11,107 @@ pub struct Preset {
     pub name: &'static str,
     /// What it is, in words.
     pub what: &'static str,
-    /// Columns by which it is recognised: it has all of them, in these letters.
-    has: &'static [&'static str],
+    /// Columns by which it is recognised, of several versions: it has all of one of these, in these letters.
+    has: &'static [&'static [&'static str]],
     /// Text with which it begins, if that tells it.
     begins: &'static str,
+    /// Columns of its time, of several versions: the first of these that are all there.
+    times: &'static [&'static [&'static str]],
     /// What is stated of it: the table of a log in a mapping file.
     states: &'static str,
 }
 
 /// All presets. Their headers are those of the instruments' manuals and of public logs.
-pub static PRESETS: [Preset; 9] = [
+pub static PRESETS: [Preset; 10] = [
     Preset {
         name: "airdata",
         what: "a DJI flight by AirData UAV",
-        has: &["time(millisecond)", "datetime(utc)"],
+        has: &[&["time(millisecond)", "datetime(utc)"]],
         begins: "",
-        states: "time = \"datetime(utc)\"\nzone = \"UTC\"\n",
+        times: &[&["datetime(utc)"]],
+        states: "zone = \"UTC\"\n",
     },
     Preset {
         name: "dji",
         what: "a DJI flight record as CSV",
-        has: &["OSD.latitude", "OSD.longitude"],
+        has: &[&["OSD.latitude", "OSD.longitude"]],
         begins: "",
+        times: &[&["CUSTOM.date [local]", "CUSTOM.updateTime [local]"]],
         // Dates are in the order of the computer's language: the cells or the user tell it.
-        states: "time = [\"CUSTOM.date [local]\", \"CUSTOM.updateTime [local]\"]\n",
+        states: "",
+    },
+    Preset {
+        name: "datcon",
+        what: "a DJI aircraft's log (.DAT) as CSV by DatCon or CsvView",
+        // Versions 3 and 4 of the format (datfile.net, *V3 .CSV column format*), with or without units.
+        has: &[
+            &["Clock:offsetTime", "IMU_ATTI(0):roll"],
+            &["Clock:offsetTime", "GPS:Long"],
+            &["Clock:offsetTime", "GPS(0):Long"],
+            &["Clock:offsetTime", "IMU_ATTI(0):Longitude"],
+            &["offsetTime", "GPS(0):Long"],
+            &["offsetTime", "GPS(0):Long[degrees]"],
+            &["offsetTime", "IMU_ATTI(0):Longitude"],
+            &["offsetTime", "IMU_ATTI(0):Longitude[degrees [-180;180]]"],
+        ],
+        begins: "",
+        times: &[
+            &["GPS:dateTimeStamp"],
+            &["GPS(0):dateTimeStamp"],
+            &["GPS:Date", "GPS:Time"],
+            &["GPS(0):Date", "GPS(0):Time"],
+            &["Clock:offsetTime"],
+            &["offsetTime"],
+        ],
+        // Zeros stand for a position that is not known yet. The temperatures of the IMU are not those of the air.
+        states: "zone = \"UTC\"
+time_unit = \"s\"
+[column.lat_deg]
+from = [\"GPS:Lat\", \"GPS(0):Lat\", \"GPS(0):Lat[degrees]\", \"IMU_ATTI(0):Latitude\", \"IMU_ATTI(0):Latitude[degrees [-180;180]]\"]
+unit = \"deg\"
+missing = [\"0\", \"0.0\"]
+[column.lon_deg]
+from = [\"GPS:Long\", \"GPS(0):Long\", \"GPS(0):Long[degrees]\", \"IMU_ATTI(0):Longitude\", \"IMU_ATTI(0):Longitude[degrees [-180;180]]\"]
+unit = \"deg\"
+missing = [\"0\", \"0.0\"]
+[column.alt_amsl_m]
+from = [\"GPS:heightMSL\", \"GPS(0):heightMSL\", \"GPS(0):heightMSL[meters]\", \"General:absoluteHeight\", \"General:absoluteHeight[meters]\"]
+unit = \"m\"
+[column.roll_deg]
+from = [\"IMU_ATTI(0):roll\", \"IMU_ATTI(0):roll:C\", \"IMU_ATTI(0):roll[degrees [-180;180]]\"]
+unit = \"deg\"
+[column.pitch_deg]
+from = [\"IMU_ATTI(0):pitch\", \"IMU_ATTI(0):pitch:C\", \"IMU_ATTI(0):pitch[degrees [-180;180]]\"]
+unit = \"deg\"
+[column.yaw_deg]
+from = [\"IMU_ATTI(0):yaw\", \"IMU_ATTI(0):yaw:C\", \"IMU_ATTI(0):yaw[degrees [-180;180]]\"]
+unit = \"deg\"
+[column.vel_north_m_s]
+from = [\"IMU_ATTI(0):velN\", \"IMU_ATTI(0):velN[meters/Sec]\"]
+unit = \"m/s\"
+[column.vel_east_m_s]
+from = [\"IMU_ATTI(0):velE\", \"IMU_ATTI(0):velE[meters/Sec]\"]
+unit = \"m/s\"
+[column.vel_down_m_s]
+from = [\"IMU_ATTI(0):velD\", \"IMU_ATTI(0):velD[meters/Sec]\"]
+unit = \"m/s\"
+",
     },
     Preset {
         name: "sniffer4d",
         what: "a gas log of Sniffer4D Mapper",
         has: &[],
         begins: "#Created by: Sniffer4DMapper",
+        times: &[],
         states: "",
     },
     Preset {
         name: "picarro",
         what: "a Picarro analyser's log",
-        has: &["ALARM_STATUS", "INST_STATUS", "CavityPressure"],
+        has: &[&["ALARM_STATUS", "INST_STATUS", "CavityPressure"]],
         begins: "",
-        states: "time = \"EPOCH_TIME\"
-[column.lat_deg]
+        times: &[&["EPOCH_TIME"]],
+        states: "[column.lat_deg]
 from = [\"GPS_ABS_LAT\"]
 unit = \"deg\"
 [column.lon_deg]
@@ -75,33 +137,36 @@ unit = \"ppb\"
     Preset {
         name: "licor-7810",
         what: "a LI-COR trace gas analyser's .data file (LI-7810, LI-7815, LI-7820)",
-        has: &["SECONDS", "NANOSECONDS", "DIAG"],
+        has: &[&["SECONDS", "NANOSECONDS", "DIAG"]],
         begins: "",
-        states: "time = [\"SECONDS\", \"NANOSECONDS\"]\n[column.pressure_hpa]\nskip = true\n",
+        times: &[&["SECONDS", "NANOSECONDS"]],
+        states: "[column.pressure_hpa]\nskip = true\n",
     },
     Preset {
         name: "licor-850",
         what: "a LI-COR LI-830 or LI-850 analyser's log",
-        has: &["System_Date_(Y-M-D)", "System_Time_(h:m:s)"],
+        has: &[&["System_Date_(Y-M-D)", "System_Time_(h:m:s)"]],
         begins: "",
-        states: "time = [\"System_Date_(Y-M-D)\", \"System_Time_(h:m:s)\"]\n",
+        times: &[&["System_Date_(Y-M-D)", "System_Time_(h:m:s)"]],
+        states: "",
     },
     Preset {
         name: "aeris",
         what: "an Aeris MIRA analyser's log",
-        has: &["Time Stamp", "Inlet Number"],
+        has: &[&["Time Stamp", "Inlet Number"]],
         begins: "",
+        times: &[&["Time Stamp"]],
         // The stamps are MM/DD/YYYY hh:mm:ss.sss.
-        states: "time = \"Time Stamp\"\ndate_order = \"mdy\"\n",
+        states: "date_order = \"mdy\"\n",
     },
     Preset {
         name: "ndbc",
         what: "standard meteorological data of the National Data Buoy Center",
-        has: &["YY", "MM", "DD", "hh", "WDIR", "WSPD"],
+        has: &[&["YY", "MM", "DD", "hh", "WDIR", "WSPD"]],
         begins: "",
+        times: &[&["YY", "MM", "DD", "hh", "mm"]],
         // ndbc.noaa.gov, Measurement Descriptions: MM, or nines, for none.
-        states: "time = [\"YY\", \"MM\", \"DD\", \"hh\", \"mm\"]
-zone = \"UTC\"
+        states: "zone = \"UTC\"
 [column.wind_from_deg]
 from = [\"WDIR\"]
 unit = \"deg\"
@@ -123,9 +188,10 @@ missing = [\"999.0\", \"99.0\"]
     Preset {
         name: "toa5",
         what: "a Campbell Scientific TOA5 table",
-        has: &["TIMESTAMP", "RECORD"],
+        has: &[&["TIMESTAMP", "RECORD"]],
         begins: "",
-        states: "time = \"TIMESTAMP\"\n",
+        times: &[&["TIMESTAMP"]],
+        states: "",
     },
 ];
 
@@ -142,22 +208,42 @@ impl Preset {
 
     /// The preset that a log with these columns and this beginning has, if there is one.
     pub fn of(headers: &[Header], head: &[u8]) -> Option<&'static Self> {
-        let has = |name: &&&str| headers.iter().any(|h| h.is(name));
         PRESETS.iter().find(|p| {
-            let by_columns = !p.has.is_empty() && p.has.iter().all(|n| has(&n));
+            let by_columns = p.has.iter().any(|names| are_there(names, headers));
             by_columns || (!p.begins.is_empty() && head.starts_with(p.begins.as_bytes()))
         })
     }
 
-    /// What it states.
+    /// The columns of its time that a log with these columns has; none where its version has others.
+    pub fn time(&self, headers: &[Header]) -> Option<Names> {
+        let mut times = self.times.iter();
+        let there = times.find(|names| are_there(names, headers))?;
+        Some(match there {
+            [one] => Names::One((*one).to_owned()),
+            many => Names::Many(many.iter().map(|n| (*n).to_owned()).collect()),
+        })
+    }
+
+    /// What it states; its time names the columns of all versions.
     ///
     /// # Errors
     /// A table that is none, which the tests exclude.
     pub fn states(&self) -> Result<LogMap, ImportError> {
         let text = self.states.replace("[column.", "[log.column.");
         let map = Map::parse(self.name, &format!("[[log]]\n{text}"))?;
-        Ok(map.log.into_iter().next().unwrap_or_default())
+        let names = self.times.concat();
+        let time = names.iter().map(|n| (*n).to_owned()).collect();
+        Ok(LogMap {
+            time: (!names.is_empty()).then_some(Names::Many(time)),
+            ..map.log.into_iter().next().unwrap_or_default()
+        })
     }
+}
+
+/// Whether all of `names` are among `headers`.
+fn are_there(names: &[&str], headers: &[Header]) -> bool {
+    let is_there = |name: &&str| headers.iter().any(|h| h.is(name));
+    names.iter().all(is_there)
 }
 
 #[cfg(test)]

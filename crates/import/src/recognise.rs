@@ -3,6 +3,7 @@
 use crate::height::Datum;
 use crate::quantity::{Dimension, Quantity};
 use crate::unit::{self, Unit};
+use std::borrow::Cow;
 
 /// The place of `name` among `names` that blanks separate.
 pub(crate) fn rank_in(names: &str, name: &str) -> Option<usize> {
@@ -18,7 +19,8 @@ const HEIGHTS: [(Datum, &str); 4] = [
     (
         Datum::Home,
         "height heightabovetakeoff relativealtitude relalt altrel relativeheight heightabovehome \
-        altitudeabovetakeoff heightrelative altituderelative relheight 相对高度",
+        altitudeabovetakeoff heightrelative altituderelative relheight generalrelativeheight \
+        imuattirelativeheight imuattirelativeheightc 相对高度",
     ),
     (
         Datum::Ground,
@@ -59,7 +61,7 @@ const TIMES: &str = "gpstime gpsdatetime gpsdate utctime utcdatetime utcdate dat
     timeepoch systemtime recordtime samplingtime sampletime logtime secs seconds sec elapsedtime \
     elapsed timesincestart timeelapsed tmstamp measurementtime updatetime customupdatetime \
     customdate date day systemdate hhmmss timeofday ts t clock pctime pcdatetime recordedat \
-    createdat isotime datetimestamp flytime 采样点时间 时间 采样时间 日期";
+    createdat isotime datetimestamp flytime offsettime clockoffsettime 采样点时间 时间 采样时间 日期";
 
 /// Names of columns with platforms.
 const PLATFORMS: &str = "platform drone vehicle uav station site stationid sensorid instrument";
@@ -92,7 +94,8 @@ impl Header {
             .trim_matches('"')
             .trim_start_matches(['#', '\u{feff}'])
             .trim();
-        let (name, bracket) = split_bracket(text);
+        let without_index = without_index(text);
+        let (name, bracket) = split_bracket(&without_index);
         let words = name
             .split(|c: char| !c.is_alphanumeric() && c != '%')
             .filter(|w| !w.is_empty())
@@ -283,6 +286,16 @@ impl Header {
     }
 }
 
+/// A header without the number of the sensor behind its group, as in `GPS(0):Lat[degrees]`.
+fn without_index(text: &str) -> Cow<'_, str> {
+    let indexed = text.split_once('(').and_then(|(group, rest)| {
+        let (index, name) = rest.split_once("):")?;
+        let is_index = !index.is_empty() && index.bytes().all(|b| b.is_ascii_digit());
+        is_index.then(|| format!("{group}:{name}"))
+    });
+    indexed.map_or(Cow::Borrowed(text), Cow::Owned)
+}
+
 /// A header's name and what stands in its last brackets, or behind its last space if that is a unit.
 fn split_bracket(text: &str) -> (&str, Option<&str>) {
     for (open, close) in [('(', ')'), ('[', ']'), ('{', '}')] {
@@ -354,6 +367,11 @@ mod tests {
             ("T0 (degC)", None),
             ("battery_temperature(f)", None),
             ("CO2_Absorption", None),
+            ("GPS(0):Lat", Some(("lat_deg", None))),
+            ("GPS(0):Long[degrees]", Some(("lon_deg", Some("deg")))),
+            ("GPS:Long", Some(("lon_deg", None))),
+            ("IMU_ATTI(0):temperature", None),
+            ("AirSpeed:windSpeed", None),
         ] {
             assert_eq!(quantity(header), expected, "{header}");
         }
@@ -382,6 +400,14 @@ mod tests {
             Some((Datum::PressureAltitude, true, Some("ft")))
         );
         assert_eq!(height("max_altitude(feet)"), None);
+        assert_eq!(
+            height("GPS(0):heightMSL[meters]"),
+            Some((Datum::Amsl, true, Some("m")))
+        );
+        assert_eq!(
+            height("General:relativeHeight"),
+            Some((Datum::Home, true, None))
+        );
         assert_eq!(height("alt_m_asl"), Some((Datum::Amsl, true, Some("m"))));
         assert_eq!(
             height("Height (m HAE)"),
@@ -423,5 +449,7 @@ mod tests {
         assert_eq!(time("millis"), Some((Some("ms"), None)));
         assert_eq!(time("Uhrzeit"), Some((None, None)));
         assert_eq!(time("DasTemp"), None);
+        assert_eq!(time("GPS(0):dateTimeStamp"), Some((None, None)));
+        assert_eq!(time("Clock:offsetTime"), Some((None, None)));
     }
 }

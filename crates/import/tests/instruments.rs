@@ -68,6 +68,114 @@ fn a_dji_record_in_another_language() {
     assert!(error.contains("--date-order dmy or mdy"), "{error}");
 }
 
+/// Rows of a log as DatCon writes it (datfile.net, *V3 .CSV column format*): 5 a second here, 30 to 200 there. The first
+/// second is before the GPS has a fix.
+fn datcon(header: &str, first: &str) -> String {
+    let mut log = format!("{header},CO2 (ppm),Attribute|Value\n");
+    for k in 0..15 {
+        let gps = match k {
+            0..5 => first.replace("TIME", "").replace("LAT", "0.0"),
+            _ => first
+                .replace("TIME", &format!("2024-05-01T10:00:0{}Z", (k - 5) / 5))
+                .replace("LAT", &format!("43.4400{k:02}")),
+        };
+        log += &format!(
+            "{},{:.1},{gps},{},\n",
+            1000 * k,
+            12.0 + 0.2 * f64::from(k),
+            420 + k
+        );
+    }
+    log
+}
+
+/// The clock of the GPS is empty until its first fix; its whole seconds hold several rows.
+#[test]
+fn a_dji_log_of_datcon() {
+    let log = datcon(
+        "Clock:Tick#,Clock:offsetTime,IMU_ATTI(0):Longitude,IMU_ATTI(0):Latitude,IMU_ATTI(0):temperature,\
+         IMU_ATTI(0):roll,GPS:Long,GPS:Lat,GPS:Date,GPS:Time,GPS:dateTimeStamp,GPS:heightMSL,General:relativeHeight",
+        "-7.86,LAT,65.0,1.5,-7.86,LAT,20240501,100000,TIME,391.5,51.2",
+    );
+    let csv = read(&log, "", "datcon");
+    assert_eq!(
+        row(&csv, 0),
+        "time_s,platform,lat_deg,lon_deg,alt_amsl_m,co2_ppm"
+    );
+    // date -u -d 2024-05-01T10:00:00Z +%s = 1714557600
+    assert_eq!(row(&csv, 1), "1714557600,a,43.440005,-7.86,391.5,425");
+    assert_eq!(row(&csv, 2), "1714557600.2,a,43.440006,-7.86,391.5,426");
+    assert_eq!(row(&csv, 10), "1714557601.8,a,43.440014,-7.86,391.5,434");
+    assert_eq!(csv.lines().count(), 11);
+}
+
+/// As version 3 with units, and without the time stamp, as CsvView writes it: date and time are numbers, and 09:31:07 is
+/// 93107. Without the height above the sea the one above take-off needs that of take-off.
+#[test]
+fn a_dji_log_of_csvview() {
+    let header = "Tick#,offsetTime,GPS(0):Long[degrees],GPS(0):Lat[degrees],GPS(0):Date,GPS(0):Time,General:relativeHeight";
+    let log = format!("{header},CO2 (ppm)\n100,1.5,-7.86,43.44,20240501,93107,51.25,421\n");
+    let csv = read(&log, "base_amsl_m = 340\n", "datcon");
+    // date -u -d 2024-05-01T09:31:07Z +%s = 1714555867
+    assert_eq!(row(&csv, 1), "1714555867,a,43.44,-7.86,391.25,421");
+    let without = import(&[("a.csv", log.as_bytes())], "");
+    let error = without.err().map(|e| e.to_string()).unwrap_or_default();
+    assert!(error.contains("--base-amsl-m"), "{error}");
+}
+
+/// A DJI log without gas is the track of a gas log; its clock counts from power-up until the GPS has a time.
+#[test]
+fn a_dji_log_is_the_track_of_a_gas_log() {
+    let log = datcon(
+        "Clock:Tick#,Clock:offsetTime,IMU_ATTI(0):roll,IMU_ATTI(0):pitch,GPS(0):Long,GPS(0):Lat,GPS(0):dateTimeStamp,GPS(0):heightMSL",
+        "1.5,2.5,-7.86,LAT,TIME,391.5",
+    );
+    let track: String = log
+        .lines()
+        .map(|l| {
+            let cells: Vec<&str> = l.split(',').collect();
+            cells[..cells.len() - 2].join(",") + "\n"
+        })
+        .collect();
+    let gas = "time,CH4 (ppm)\n2024-05-01T10:00:00.5Z,2.1\n2024-05-01T10:00:01.5Z,2.3\n";
+    let logs = [
+        ("gas.csv", gas.as_bytes()),
+        ("FLY124.csv", track.as_bytes()),
+    ];
+    let (csv, _) = import(&logs, "").unwrap();
+    assert_eq!(row(&csv, 1), "1714557600.5,gas,43.4400075,-7.86,391.5,2.1");
+    let unset: String = track.lines().take(6).map(|l| format!("{l}\n")).collect();
+    let error = import(
+        &[
+            ("gas.csv", gas.as_bytes()),
+            ("FLY124.csv", unset.as_bytes()),
+        ],
+        "",
+    )
+    .unwrap_err();
+    assert!(
+        error
+            .to_string()
+            .contains("the time is empty in all 5 rows"),
+        "{error}"
+    );
+}
+
+/// A flight record whose times are in UTC, and one of an older converter, with a full stamp in one column.
+#[test]
+fn dji_records_with_other_clocks() {
+    let utc = "CUSTOM.date [UTC],CUSTOM.updateTime [UTC],OSD.flyTime [s],OSD.latitude,OSD.longitude,OSD.altitude [m],CO2 [ppm]\n\
+        2024-05-01,10:00:00.1,1.5,43.44,-7.86,340,421\n";
+    assert_eq!(
+        row(&read(utc, "", "dji"), 1),
+        "1714557600.1,a,43.44,-7.86,340,421"
+    );
+    let stamp = "CUSTOM.updateTime,OSD.flyTime [s],OSD.latitude,OSD.longitude,OSD.altitude [m],CO2 [ppm]\n\
+        2024/05/01 12:00:00.100,1.5,43.44,-7.86,340,421\n";
+    let csv = read(stamp, "zone = \"+02:00\"\n", "dji");
+    assert_eq!(row(&csv, 1), "1714557600.1,a,43.44,-7.86,340,421");
+}
+
 #[test]
 fn sniffer4d_in_its_makers_language() {
     let log = "#Created by: Sniffer4DMapper 2.2.06.29\n项目名称 :x\n采样点时间,相对高度 m,经度,纬度,温度 ℃,湿度 %,气压 Pa,SO2 μg/m3,CO mg/m3\n\

@@ -42,6 +42,8 @@ pub const FS_GCS_TIMEOUT: &str = "FS_GCS_TIMEOUT";
 pub const FS_THR_ENABLE: &str = "FS_THR_ENABLE";
 /// Parameter: action at a low battery.
 pub const BATT_FS_LOW_ACT: &str = "BATT_FS_LOW_ACT";
+/// Parameter: drag of the rotors by which it estimates the wind; 0: it estimates none, and tells zeros.
+pub const EK3_DRAG_MCOEF: &str = "EK3_DRAG_MCOEF";
 /// Parameter: altitude above home at which RTL flies, m, since ArduCopter 4.8.
 pub const RTL_ALT_M: &str = "RTL_ALT_M";
 /// Parameter: the same before that, cm.
@@ -163,6 +165,20 @@ pub const ARDUCOPTER: Profile = Profile {
                     (2, Right("at a low battery it returns home")),
                 ],
                 otherwise: Right("a low battery triggers the failsafe"),
+                set_to: None,
+                link_failsafe: false,
+            },
+            Rule {
+                about: "wind estimate",
+                name: EK3_DRAG_MCOEF,
+                meanings: &[(
+                    0,
+                    Doubtful(
+                        "it estimates no wind, so the mission uses the scenario's; expected the EK3_DRAG_ parameters \
+                         of its airframe",
+                    ),
+                )],
+                otherwise: Right("it estimates the wind"),
                 set_to: None,
                 link_failsafe: false,
             },

@@ -89,6 +89,7 @@ fn config() -> BridgeConfig {
 /// Lets a vehicle that tells `ground` answer to a bridge for `seconds`, while a take-off is asked for.
 struct Bench {
     bridge: Bridge,
+    kind: MavType,
     vehicle: FrameEncoder,
     time_s: f64,
     out: BridgeOutput,
@@ -98,6 +99,7 @@ impl Bench {
     fn new(config: BridgeConfig) -> Self {
         Self {
             bridge: Bridge::new(config).unwrap(),
+            kind: MavType::MAV_TYPE_FIXED_WING,
             vehicle: FrameEncoder::new(1, 1),
             time_s: 0.0,
             out: BridgeOutput::default(),
@@ -115,7 +117,7 @@ impl Bench {
             if k % 10 == 0 {
                 self.hear(&HEARTBEAT_DATA {
                     custom_mode: 0,
-                    mavtype: MavType::MAV_TYPE_FIXED_WING,
+                    mavtype: self.kind,
                     autopilot: MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA,
                     base_mode: MavModeFlag::MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
                     system_status: MavState::MAV_STATE_STANDBY,
@@ -340,7 +342,7 @@ fn parameters_are_set_only_where_that_is_asked_for() {
 }
 
 #[test]
-fn a_dry_run_shows_every_frame_and_sends_questions_alone() {
+fn a_dry_run_shows_every_frame_and_sends_questions_and_rates_alone() {
     let mut ground = ready();
     ground.parameters[0].1 = 0.0;
     let mut bench = Bench::new(BridgeConfig {
@@ -349,8 +351,12 @@ fn a_dry_run_shows_every_frame_and_sends_questions_alone() {
         ..config()
     });
     bench.run(8.0, &mut ground);
+    // Message 511 is SET_MESSAGE_INTERVAL: a vehicle whose streams are off (MAVn_* of ArduPilot) tells nothing without.
+    let rate = |m: &MavMessage| matches!(m, MavMessage::COMMAND_LONG(c) if c.command as u16 == 511);
     let question = |m: &MavMessage| matches!(m, MavMessage::PARAM_REQUEST_READ(_));
-    assert!(!bench.sent().is_empty() && bench.sent().iter().all(question));
+    let sent = bench.sent();
+    assert!(sent.iter().any(question) && sent.iter().any(rate));
+    assert!(sent.iter().all(|m| question(m) || rate(m)));
     assert_eq!(ground.parameters[0].1, 0.0);
     // The frames told of are whole ones.
     let shown = bench.out.events.iter().filter(|e| e.code == "would-send");
@@ -369,8 +375,32 @@ fn a_dry_run_shows_every_frame_and_sends_questions_alone() {
     assert_eq!(count(|m| matches!(m, MavMessage::PARAM_SET(_))), 1);
     let mode = |m: &MavMessage| matches!(m, MavMessage::COMMAND_LONG(c) if c.command as u16 == 176);
     assert_eq!(count(mode), 1, "TAKEOFF");
-    let rate = |m: &MavMessage| matches!(m, MavMessage::COMMAND_LONG(c) if c.command as u16 == 511);
-    assert_eq!(count(rate), 15);
+    assert_eq!(count(rate), 0, "sent, not shown");
+}
+
+/// A quadrotor flies its speed over ground in any wind that its aircraft bears.
+#[test]
+fn the_wind_of_a_quadrotor_is_told_beside_its_airspeed() {
+    let mut bench = Bench::new(BridgeConfig {
+        expectation: Some(Expectation {
+            airspeed_m_s: 6.0,
+            wind_m_s: 5.7,
+            ..expectation()
+        }),
+        ..config()
+    });
+    bench.kind = MavType::MAV_TYPE_QUADROTOR;
+    bench.run(6.0, &mut ready());
+    let wind = bench
+        .out
+        .events
+        .iter()
+        .find(|e| e.text.contains("wind (ok)"));
+    let text = wind.map(|e| e.text.as_str()).unwrap_or_default();
+    assert!(
+        text.contains("at 6.0 m/s over ground up to 11.7 m/s through the air"),
+        "{text}"
+    );
 }
 
 #[test]

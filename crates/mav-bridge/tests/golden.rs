@@ -1,6 +1,8 @@
 //! Frames against those of pymavlink 2.4.50: `python tests/oracle/mavlink_frames.py`.
 
+use mav_bridge::dialect::{NAMED_VALUE_FLOAT_DATA, WIND_DATA};
 use mav_bridge::signing::SigningConfig;
+use mav_bridge::wire::FrameEncoder;
 use mav_bridge::{Bridge, BridgeConfig, BridgeOutput};
 use protocol::SimTime;
 use protocol::message::{PathKind, Setpoint, Severity};
@@ -74,6 +76,28 @@ fn state_and_reading_of_pymavlinks_frames() {
     let statistics = bridge.statistics();
     assert_eq!((statistics.frames, statistics.bad_frames), (13, 0));
     assert_eq!((statistics.lost_frames, statistics.skipped_bytes), (0, 0));
+}
+
+/// What an ArduCopter 4.7.0-dev in software tells in a wind of 5.6 m/s with its default of no estimate.
+#[test]
+fn a_wind_of_zero_is_none() {
+    let (mut bridge, mut out) = connected();
+    let mut vehicle = FrameEncoder::new(1, 1);
+    let wind = WIND_DATA {
+        direction: -180.0,
+        speed: 0.0,
+        speed_z: 0.0,
+    };
+    bridge.receive(&vehicle.encode(&wind, None, s(0.1)), s(0.1), &mut out);
+    let reading = NAMED_VALUE_FLOAT_DATA {
+        time_boot_ms: 60_100,
+        value: 500.0,
+        name: "CO2".into(),
+    };
+    bridge.receive(&vehicle.encode(&reading, None, s(0.1)), s(0.1), &mut out);
+    let reading = out.readings.last().unwrap();
+    assert_eq!((reading.co2_ppm, reading.wind_speed_m_s), (500.0, None));
+    assert_eq!(reading.wind_from_deg, None);
 }
 
 #[test]

@@ -16,6 +16,9 @@ use crate::kml::xml::Xml;
 use crate::{RecordError, kmz};
 use std::fmt::Write as _;
 
+/// How long an aircraft waits where it stops, s.
+const STOP_S: f64 = 2.0;
+
 /// From which datum the heights of a plan count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Heights {
@@ -110,6 +113,12 @@ impl FlightPlan {
         let way: Vec<_> = std::iter::once(home).chain(places).chain([home]).collect();
         let legs = way.windows(2);
         legs.map(|ends| leg_m(ends[0], ends[1])).sum::<f64>() + 2.0 * self.take_off_height_m
+    }
+
+    /// The shortest time of the flight, s: at its speed all the way, with its waits. An autopilot slows down at corners.
+    pub fn least_s(&self) -> f64 {
+        let stops = self.points.iter().filter(|p| p.stops).count();
+        self.length_m() / self.speed_m_s + STOP_S * stops as f64
     }
 
     /// The height of a place over a datum, m.
@@ -271,6 +280,13 @@ pub(crate) mod tests {
     fn the_length_counts_climbs() {
         let leg = leg_m((43.44, -7.86, 370.0), (43.4401, -7.86, 380.0));
         assert!((leg - 11.119_f64.hypot(10.0)).abs() < 0.01, "{leg}");
+    }
+
+    /// Two of the three places are stops, of 2 s each.
+    #[test]
+    fn the_time_counts_waits() {
+        let plan = plan();
+        assert_eq!(plan.least_s(), plan.length_m() / 5.0 + 4.0);
     }
 
     #[test]

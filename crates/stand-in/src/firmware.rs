@@ -26,10 +26,8 @@ static PLANE: Firmware = Firmware::plane(&MODES);
 const BY_HAND: u32 = 2;
 
 /// ArduCopter on a quadrotor. Missions are not emulated, and so neither is AUTO.
-static COPTER: Firmware = Firmware {
-    vehicle: MavType::MAV_TYPE_QUADROTOR,
-    banner: "ArduCopter V4.8.0-dev (stand-in)",
-    modes: &[
+static COPTER: Firmware = Firmware::copter(
+    &[
         (arducopter::STABILIZE, "Stabilize"),
         (arducopter::ALT_HOLD, "AltHold"),
         (arducopter::GUIDED, "Guided"),
@@ -37,7 +35,7 @@ static COPTER: Firmware = Firmware {
         (arducopter::RTL, "RTL"),
         (arducopter::LAND, "Land"),
     ],
-    numbers: &[
+    &[
         (arducopter::STABILIZE, BY_HAND),
         (arducopter::ALT_HOLD, FBWA),
         (arducopter::GUIDED, GUIDED),
@@ -45,7 +43,7 @@ static COPTER: Firmware = Firmware {
         (arducopter::RTL, RTL),
         (arducopter::LAND, LAND),
     ],
-};
+);
 
 impl Firmware {
     /// ArduPlane with these of its modes.
@@ -55,6 +53,19 @@ impl Firmware {
             banner: "ArduPlane V4.8.0-dev (stand-in)",
             modes,
             numbers: &[],
+        }
+    }
+
+    /// ArduCopter on a quadrotor with these of its modes, and their numbers inside.
+    pub const fn copter(
+        modes: &'static [(u32, &'static str)],
+        numbers: &'static [(u32, u32)],
+    ) -> Self {
+        Self {
+            vehicle: MavType::MAV_TYPE_QUADROTOR,
+            banner: "ArduCopter V4.8.0-dev (stand-in)",
+            modes,
+            numbers,
         }
     }
 

@@ -112,9 +112,11 @@ impl ItemList {
                 item: item.clone(),
                 in_floats,
             }],
-            // A mission's true length is told to who believes in another.
-            None if is_mission => vec![Answer::Count(self.items.len()), Answer::Ack(ERROR)],
-            None => vec![Answer::Ack(INVALID_SEQUENCE)],
+            // The true length is told to who believes in another.
+            None => vec![
+                Answer::Count(self.items.len()),
+                Answer::Ack(INVALID_SEQUENCE),
+            ],
         }
     }
 

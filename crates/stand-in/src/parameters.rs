@@ -1,7 +1,7 @@
 //! The parameters that the stand-in shares with an ArduPlane, by the same names.
 
 use mav_bridge::arducopter::{
-    BATT_FS_LOW_ACT, FS_GCS_ENABLE, FS_GCS_TIMEOUT, FS_THR_ENABLE, RTL_ALT,
+    BATT_FS_LOW_ACT, EK3_DRAG_MCOEF, FS_GCS_ENABLE, FS_GCS_TIMEOUT, FS_THR_ENABLE, RTL_ALT,
 };
 pub(crate) use mav_bridge::ardupilot::{FENCE_ACTION, FENCE_ENABLE, MAV_GCS_SYSID};
 pub(crate) use mav_bridge::arduplane::{AIRSPEED_MAX, AIRSPEED_MIN, RTL_ALTITUDE, RTL_AUTOLAND};
@@ -58,6 +58,8 @@ impl AutopilotParameters {
         Self {
             values: vec![
                 (BATT_FS_LOW_ACT, 2.0),
+                // The stand-in tells its wind.
+                (EK3_DRAG_MCOEF, 0.1),
                 (FENCE_ACTION, 1.0),
                 (FENCE_ENABLE, 0.0),
                 (TOTALS[1], 0.0),

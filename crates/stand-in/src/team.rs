@@ -1,4 +1,4 @@
-//! A vehicle of the team as any ground station sees it: an ArduPlane of its own, whatever flies it.
+//! A vehicle of the team as any ground station sees it: an ArduPlane or ArduCopter of its own, whatever flies it.
 #![allow(deprecated, reason = "ground stations still send the older forms")]
 
 use crate::firmware::Firmware;
@@ -14,6 +14,7 @@ use air::geo::{Enu, Geodetic, LocalFrame, wrap_signed_deg};
 use air::isa::Atmosphere;
 use fdm::FlightState;
 use fdm::autopilot::Sensed;
+use mav_bridge::arducopter;
 use mav_bridge::arduplane::{AUTO, FBWA, GUIDED, LOITER, MANUAL, RTL};
 use mav_bridge::dialect::{
     COMMAND_INT_DATA, MISSION_ACK_DATA, MISSION_COUNT_DATA, MISSION_CURRENT_DATA, MavCmd,
@@ -47,8 +48,28 @@ const PLUME_AXIS: &str = "PLUMEAXIS";
 /// Concentrations from here on are told without decimals, ppm.
 const WHOLE_PPM: f64 = 100.0;
 
-/// Each vehicle of the team is shown as an ArduPlane.
-static FIRMWARE: Firmware = Firmware::plane(&MODES);
+/// A fixed wing of the team is shown as an ArduPlane.
+static PLANE: Firmware = Firmware::plane(&MODES);
+/// A multirotor of the team is shown as an ArduCopter.
+static COPTER: Firmware = Firmware::copter(
+    &[
+        (arducopter::STABILIZE, "Stabilize"),
+        (arducopter::ALT_HOLD, "AltHold"),
+        (arducopter::AUTO, "Auto"),
+        (arducopter::RTL, "RTL"),
+        (arducopter::GUIDED, "Guided"),
+    ],
+    &[
+        (arducopter::STABILIZE, MANUAL),
+        (arducopter::ALT_HOLD, FBWA),
+        (arducopter::AUTO, AUTO),
+        (arducopter::RTL, RTL),
+        (arducopter::GUIDED, GUIDED),
+        // Shown, never chosen.
+        (arducopter::LOITER, LOITER),
+    ],
+);
+
 /// What a ground station wants of a vehicle of the team.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum TeamWish {
@@ -65,14 +86,15 @@ const CENTRED: Sticks = Sticks {
     throttle: 0.55,
 };
 
-/// A vehicle of the team, simulated or real, as an ArduPlane on a link.
+/// A vehicle of the team, simulated or real, as an ArduPlane or ArduCopter on a link.
 ///
 /// It is told what the bus says of the vehicle, and tells what ground stations want of it, as the
 /// controls that the page and `plumage control` send too. While the squadron controller flies it it is
-/// in GUIDED; a pilot's mode is FBWA, and LOITER where he has sent it somewhere; the Guardian's is RTL.
+/// in GUIDED; a pilot's mode is FBWA (ALT_HOLD of an ArduCopter), and LOITER where he has sent it somewhere; the Guardian's is RTL.
 #[derive(Debug)]
 pub struct TeamVehicle {
     speaker: Speaker,
+    firmware: &'static Firmware,
     frame: LocalFrame,
     home: HomePosition,
     /// Where it goes, as it looks at each place itself.
@@ -110,13 +132,19 @@ impl TeamVehicle {
         let atmosphere = scenario.atmosphere().ok()?;
         let speeds = aircraft.speeds();
         let eas_over_tas = eas_over_tas(&atmosphere, home_amsl_m);
-        let parameters = AutopilotParameters::new(
-            speeds.min_m_s * eas_over_tas,
-            speeds.max_m_s * eas_over_tas,
-            aircraft.loiter_radius_m(),
-        );
+        let parameters = if aircraft.hovers() {
+            AutopilotParameters::of_multirotor()
+        } else {
+            AutopilotParameters::new(
+                speeds.min_m_s * eas_over_tas,
+                speeds.max_m_s * eas_over_tas,
+                aircraft.loiter_radius_m(),
+            )
+        };
+        let firmware = if aircraft.hovers() { &COPTER } else { &PLANE };
         Some(Self {
-            speaker: Speaker::new(system_id, parameters, team_streams(), &FIRMWARE, None),
+            speaker: Speaker::new(system_id, parameters, team_streams(), firmware, None),
+            firmware,
             home: HomePosition {
                 at: frame.to_enu(scenario.home(index).ok()?),
                 ground_amsl_m: home_amsl_m,
@@ -237,7 +265,7 @@ impl TeamVehicle {
         }
     }
 
-    /// Number of the mode that it is shown in.
+    /// The mode that it is shown in, by ArduPlane's number.
     fn custom_mode(&self) -> u32 {
         match self.level {
             ControlLevel::Automatic => GUIDED,
@@ -263,7 +291,7 @@ impl TeamVehicle {
             system_id: self.speaker.system_id,
             frame: self.frame,
             mode: self.custom_mode(),
-            firmware: &FIRMWARE,
+            firmware: self.firmware,
             armed: state.airborne || state.throttle > 0.0,
             flying: state.airborne,
             landing: false,
@@ -324,7 +352,7 @@ impl TeamVehicle {
             }
             MavMessage::SET_MODE(m) if self.speaker.is_addressed(m.target_system) => {
                 // Obeyed without an answer, as by ArduPlane 4.8.
-                self.change_mode(m.custom_mode, now);
+                self.choose_mode(m.custom_mode, now);
             }
             // Sticks are for one vehicle, never for all.
             MavMessage::MANUAL_CONTROL(m) if m.target == self.speaker.system_id => {
@@ -346,7 +374,7 @@ impl TeamVehicle {
     fn command(&mut self, m: &COMMAND_INT_DATA, now: SimTime) {
         let result = match m.command {
             MavCmd::MAV_CMD_DO_SET_MODE if m.param1 as u8 & 1 == 0 => DENIED,
-            MavCmd::MAV_CMD_DO_SET_MODE => self.change_mode(m.param2 as u32, now),
+            MavCmd::MAV_CMD_DO_SET_MODE => self.choose_mode(m.param2 as u32, now),
             MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH => self.change_mode(RTL, now),
             MavCmd::MAV_CMD_DO_REPOSITION => self.reposition(m, now),
             // Its speed and its motor are the squadron controller's.
@@ -354,7 +382,9 @@ impl TeamVehicle {
             | MavCmd::MAV_CMD_COMPONENT_ARM_DISARM
             | MavCmd::MAV_CMD_MISSION_START
             | MavCmd::MAV_CMD_DO_LAND_START => {
-                self.warn("Squadron controller flies: take over by FBWA", now);
+                let by_hand = self.firmware.mode_name(FBWA);
+                let text = format!("Squadron controller flies: take over by {by_hand}");
+                self.warn(&text, now);
                 FAILED
             }
             _ => self.speaker.obey(m, now).unwrap_or(UNSUPPORTED),
@@ -412,6 +442,14 @@ impl TeamVehicle {
         self.sent = false;
         self.wishes
             .push(TeamWish::Control(Control { wish, sticks: None }));
+    }
+
+    /// A mode by its number on the wire.
+    fn choose_mode(&mut self, on_wire: u32, now: SimTime) -> MavResult {
+        match self.firmware.inside(on_wire) {
+            Some(mode) => self.change_mode(mode, now),
+            None => FAILED,
+        }
     }
 
     /// A mode of the sticks takes it over, RTL calls it home, GUIDED or AUTO gives it back.

@@ -57,14 +57,13 @@ pub(super) fn export(arguments: &PlanArguments, to: &Path) -> Result<(), Failure
         .encode(format, heights, made_ms)
         .map_err(Failure::input)?;
     files::write_whole(to, &bytes)?;
-    let length_m = plan.length_m();
     println!(
-        "{}: {} places, {:.1} km at {:.1} m/s, about {:.0} min; heights above {}",
+        "{}: {} places, {:.1} km at {:.1} m/s, at least {:.0} min; heights above {}",
         to.display(),
         plan.points.len(),
-        length_m / 1e3,
+        plan.length_m() / 1e3,
         plan.speed_m_s,
-        length_m / plan.speed_m_s / 60.0,
+        plan.least_s() / 60.0,
         match (format, heights) {
             (Format::Csv, _) => "take-off and mean sea level",
             (Format::Kml, _) | (_, Heights::Amsl) => "mean sea level",

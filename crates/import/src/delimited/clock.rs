@@ -34,6 +34,17 @@ pub enum TimeCells {
     Parts(Vec<usize>),
 }
 
+impl TimeCells {
+    /// All cells of a time.
+    fn all(&self) -> Vec<usize> {
+        match self {
+            Self::Stamp(c) | Self::OfDay(c) | Self::Count(c, _, None) => vec![*c],
+            Self::DateAndTime(a, b) | Self::Count(a, _, Some(b)) => vec![*a, *b],
+            Self::Parts(all) => all.clone(),
+        }
+    }
+}
+
 /// The clock of a log.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LogClock {
@@ -223,13 +234,19 @@ impl Finder<'_> {
                 "state another column as time",
             )
         };
+        // A clock that is not set yet in the first rows, as that of a GPS without a fix.
+        let unset = |cell: usize, kind| self.cells(cell).is_empty().then_some(kind);
         match cells[..] {
             [one] => {
-                let kind = self.kind(one).ok_or_else(|| nothing(one))?;
+                let kind = self.kind(one).or(unset(one, Kind::Stamp { fine: false }));
+                let kind = kind.ok_or_else(|| nothing(one))?;
                 Ok((self.single(one, kind), kind))
             }
             [date, of_day] => {
-                let kinds = (self.kind(date), self.kind(of_day));
+                let kinds = (
+                    self.kind(date).or(unset(date, Kind::Date)),
+                    self.kind(of_day).or(unset(of_day, Kind::OfDay { fine: false })),
+                );
                 match kinds {
                     (Some(Kind::Date), Some(kind @ Kind::OfDay { .. })) => {
                         Ok((TimeCells::DateAndTime(date, of_day), kind))
@@ -340,11 +357,7 @@ impl Finder<'_> {
         zero_s: f64,
     ) -> Result<(LogClock, ClockNotes), ImportError> {
         let mut found = ClockNotes::default();
-        let columns: Vec<usize> = match &cells {
-            TimeCells::Stamp(c) | TimeCells::OfDay(c) | TimeCells::Count(c, _, None) => vec![*c],
-            TimeCells::DateAndTime(a, b) | TimeCells::Count(a, _, Some(b)) => vec![*a, *b],
-            TimeCells::Parts(all) => all.clone(),
-        };
+        let columns = cells.all();
         let names: Vec<String> = columns.iter().map(|c| self.header(*c).to_owned()).collect();
         let is_count = matches!(cells, TimeCells::Count(..));
         if kind == Kind::Count && self.is_in_spreadsheet_days(columns[0]) {
@@ -534,6 +547,12 @@ impl LogClock {
             shift_s: 0.0,
             ..self.clone()
         }
+    }
+
+    /// Whether the cells of a row's time are empty.
+    pub fn is_unset<'c>(&self, cell: impl Fn(usize) -> &'c [u8]) -> bool {
+        let mut cells = self.cells.all().into_iter();
+        cells.all(|at| number::is_none(cell(at)))
     }
 
     /// The time of a row, s; none where its cells hold none.

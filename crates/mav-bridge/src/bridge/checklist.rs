@@ -243,7 +243,7 @@ impl Checklist {
                 (known.airspeed_min, parameter(known.airspeed_min)),
                 (known.airspeed_max, parameter(known.airspeed_max)),
             ),
-            wind(expected),
+            wind(expected, self.profile.commands.ground_speed),
             self.station(parameter(known.station)),
             self.way_home(expected, parameters),
         ];
@@ -504,8 +504,17 @@ fn airspeed(expected: &Expectation, eas_over_tas: f64, low: Named, high: Named) 
     point("airspeed", verdict, words)
 }
 
-fn wind(expected: &Expectation) -> Point {
+/// The wind beside the speed of the mission, over ground (whose sum the check of the mission compares with the aircraft's
+/// limit) or through the air.
+fn wind(expected: &Expectation, ground_speed: bool) -> Point {
     let (wind_m_s, airspeed_m_s) = (expected.wind_m_s, expected.airspeed_m_s);
+    if ground_speed {
+        let words = format!(
+            "up to {wind_m_s:.1} m/s expected: at {airspeed_m_s:.1} m/s over ground up to {:.1} m/s through the air",
+            wind_m_s + airspeed_m_s
+        );
+        return point("wind", Verdict::Right, words);
+    }
     let words =
         format!("up to {wind_m_s:.1} m/s expected, at an airspeed of {airspeed_m_s:.1} m/s");
     let least_m_s = expected.least_over_ground_m_s;

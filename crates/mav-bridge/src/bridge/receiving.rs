@@ -353,7 +353,12 @@ impl Bridge {
         let home = (HOME_POSITION_DATA::ID, HOME_HZ);
         let home = self.checklist.is_kept().then_some(home);
         let own = self.config.profile.messages.iter().copied();
-        let wanted: Vec<(u32, f64)> = wanted.into_iter().chain(own).chain(home).collect();
+        // A multirotor has no airspeed sensor, and no hygrometer on one.
+        let of_airspeed = [HYGROMETER_SENSOR_DATA::ID, AIRSPEED_DATA::ID];
+        let rotors = self.config.profile.commands.ground_speed;
+        let there = |(id, _): &(u32, f64)| !(rotors && of_airspeed.contains(id));
+        let wanted = wanted.into_iter().filter(there).chain(own).chain(home);
+        let wanted: Vec<(u32, f64)> = wanted.collect();
         self.rates.start(&wanted, now);
         self.fence.read();
         for name in self.checklist.parameters() {

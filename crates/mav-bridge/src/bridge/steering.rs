@@ -131,6 +131,10 @@ impl Bridge {
         if with_place {
             return;
         }
+        // A multirotor stops at its places, so that its speed does not show whether another station has changed it.
+        if self.config.profile.commands.ground_speed {
+            self.speed.forget();
+        }
         if self.speed.sends(speed, now) {
             self.commands.push(VehicleCommand::Speed {
                 equivalent_airspeed_m_s: speed,
@@ -371,8 +375,11 @@ impl Bridge {
         out: &mut BridgeOutput,
     ) {
         let message = command.message(to, sent, self.config.profile);
-        // A question changes nothing on board.
-        if self.config.dry_run && !matches!(message, CommandMessage::Read(_)) {
+        // A question changes nothing of the flight, and neither does the rate of a message, without which a vehicle
+        // whose streams are off tells nothing.
+        let asks = matches!(command, VehicleCommand::Interval { .. })
+            || matches!(message, CommandMessage::Read(_));
+        if self.config.dry_run && !asks {
             self.commands.forget(command);
             let name = command.name(self.config.profile);
             return match message {

@@ -11,6 +11,10 @@ const WINDOW_S: f64 = 10.0;
 /// Different texts passed on in that time: an autopilot that starts sends about ten.
 const MOST: usize = 20;
 
+/// Beginning of ArduPilot's text upon a request for a message that it does not have: the bridge itself reports once which
+/// messages do not come.
+const UNKNOWN_MESSAGE: &str = "No ap_message for mavlink id";
+
 /// Code of the events with such texts.
 const CODE: &str = "vehicle-says";
 
@@ -45,6 +49,9 @@ impl Texts {
         text: &str,
         now: SimTime,
     ) -> Option<EventMessage> {
+        if text.starts_with(UNKNOWN_MESSAGE) {
+            return None;
+        }
         if let Some(known) = self.passed.iter_mut().find(|p| p.text == text) {
             known.again += 1;
             return None;
@@ -127,5 +134,13 @@ mod tests {
         let counted = texts.counted(SimTime::from_s(10.0));
         assert_eq!(counted.len(), 1);
         assert_eq!(counted[0].text, "80 further texts in 10 s are not shown");
+    }
+
+    /// As ArduPlane and ArduCopter 4.7.0-dev write it.
+    #[test]
+    fn the_answer_to_a_request_of_the_bridge_is_no_news() {
+        let mut texts = Texts::default();
+        let text = "No ap_message for mavlink id (12920)";
+        assert!(texts.take(Severity::Info, text, SimTime::ZERO).is_none());
     }
 }

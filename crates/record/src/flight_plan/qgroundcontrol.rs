@@ -1,6 +1,6 @@
 //! QGroundControl's `.plan`: JSON, version 1, with mission and fence (QGroundControl Developer Guide, *Plan File Format*).
 
-use super::{FlightPlan, Heights};
+use super::{FlightPlan, Heights, STOP_S};
 use serde_json::{Value, json};
 
 /// MAV_CMD: waypoint, return to launch, take-off, change of speed.
@@ -16,8 +16,6 @@ const ABOVE_HOME: u8 = 3;
 const ARDUPILOT: u8 = 3;
 const FIXED_WING: u8 = 1;
 const QUADROTOR: u8 = 2;
-/// How long an aircraft waits where it stops, s.
-pub(super) const STOP_S: f64 = 2.0;
 
 /// The text of the file.
 pub(super) fn encode(plan: &FlightPlan, heights: Heights) -> String {
@@ -108,6 +106,65 @@ fn mode(heights: Heights) -> u8 {
 mod tests {
     use super::super::tests::plan;
     use super::*;
+
+    /// Keys and types that QGroundControl's loader requires: of the file and its mission (Developer Guide, *Plan File Format*),
+    /// of an item (MissionItem::load, SimpleMissionItem::load: all three heights or none) and of a fence
+    /// (QGCFencePolygon::loadFromJson). A null stands for a number that is none.
+    #[test]
+    fn the_plan_has_the_keys_that_a_loader_requires() {
+        let read: Value = serde_json::from_str(&encode(&plan(), Heights::TakeOff)).unwrap();
+        let number = |v: &Value| v.is_number() || v.is_null();
+        assert_eq!(
+            (&read["fileType"], &read["version"]),
+            (&json!("Plan"), &json!(1))
+        );
+        assert!(read["groundStation"].is_string());
+        let mission = &read["mission"];
+        assert_eq!(mission["version"], json!(2));
+        for key in [
+            "firmwareType",
+            "vehicleType",
+            "globalPlanAltitudeMode",
+            "cruiseSpeed",
+            "hoverSpeed",
+        ] {
+            assert!(mission[key].is_number(), "{key}");
+        }
+        assert_eq!(
+            mission["plannedHomePosition"],
+            json!([43.4395, -7.861, 340.0])
+        );
+        for (k, item) in mission["items"].as_array().unwrap().iter().enumerate() {
+            assert_eq!(
+                (&item["type"], &item["doJumpId"]),
+                (&json!("SimpleItem"), &json!(k + 1))
+            );
+            assert!(item["frame"].is_number() && item["command"].is_number());
+            assert!(item["autoContinue"].is_boolean());
+            let params = item["params"].as_array().unwrap();
+            assert!(params.len() == 7 && params.iter().all(number), "{params:?}");
+            let has_place = [16, 22].contains(&item["command"].as_u64().unwrap());
+            for key in ["AltitudeMode", "Altitude", "AMSLAltAboveTerrain"] {
+                let there = item.get(key);
+                assert!(
+                    there.is_some() == has_place && there.is_none_or(number),
+                    "{key}"
+                );
+            }
+        }
+        let fence = &read["geoFence"];
+        assert_eq!(
+            (&fence["version"], &fence["circles"]),
+            (&json!(2), &json!([]))
+        );
+        let polygon = &fence["polygons"][0];
+        assert_eq!(
+            (&polygon["version"], &polygon["inclusion"]),
+            (&json!(1), &json!(true))
+        );
+        assert_eq!(polygon["polygon"][0], json!([43.43, -7.87]));
+        assert_eq!(read["rallyPoints"], json!({ "points": [], "version": 2 }));
+    }
 
     #[test]
     fn the_plan_has_take_off_speed_places_and_return() {

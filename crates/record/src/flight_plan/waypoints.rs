@@ -1,7 +1,6 @@
 //! ArduPilot's `.waypoints`: a table of mission items, "QGC WPL 110" (MAVLink, *Plain-Text File Formats*).
 
-use super::qgroundcontrol::STOP_S;
-use super::{FlightPlan, Heights};
+use super::{FlightPlan, Heights, STOP_S};
 use std::fmt::Write as _;
 
 /// MAV_FRAME: above mean sea level, above home.

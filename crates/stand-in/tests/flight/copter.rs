@@ -3,7 +3,7 @@
 use crate::flight::pair::{Pair, decode, scenario, setpoint};
 use air::geo::Enu;
 use mav_bridge::arducopter::{GUIDED, LAND, LOITER, RTL};
-use protocol::message::{ControlLevel, PathKind, Setpoint};
+use protocol::message::{ControlLevel, EventMessage, PathKind, Setpoint};
 use stand_in::{StandInConfig, Sticks};
 
 const QUAD: &str = include_str!("../../../../aircraft/quad.toml");
@@ -76,8 +76,12 @@ fn takes_off_flies_to_places_stops_there_and_lands_at_home() {
     let truth = pair.vehicle.truth();
     assert!((truth.alt_amsl_m - 390.0).abs() < 1.5, "{truth:?}");
     for (north_m, east_m, above_m) in [(60.0, 20.0, 60.0), (60.0, -40.0, 40.0)] {
+        let speeds = commands(&pair, 178);
         pair.setpoint = Some(near_home(PathKind::GoTo, north_m, east_m, above_m));
         pair.run(40.0);
+        // DO_CHANGE_SPEED (178) comes with each place: another station may have changed it, and a vehicle that stops does
+        // not show by its speed.
+        assert_eq!(commands(&pair, 178), speeds + 1);
         let truth = pair.vehicle.truth();
         let [north, east, down] = truth.vel_ned_m_s;
         assert!(pair.distance_m() < 1.0, "{} m off", pair.distance_m());
@@ -96,6 +100,9 @@ fn takes_off_flies_to_places_stops_there_and_lands_at_home() {
     let off = Enu::new(truth.east_m, truth.north_m).distance_m(home());
     assert!(!pair.vehicle.is_armed() && off < 2.0, "{off} m, {truth:?}");
     assert_eq!(pair.said("landed"), 1, "{:#?}", pair.events);
+    // The team's setpoint is still the landing, which nobody need hear of.
+    let ignored = |e: &&EventMessage| e.code == "setpoint-ignored" && e.text.contains("ground");
+    assert_eq!(pair.events.iter().find(ignored), None);
 }
 
 #[test]

@@ -228,6 +228,27 @@ fn a_refused_upload_leaves_what_was_on_board() {
     assert_eq!(station.download(FENCE).len(), 4);
 }
 
+/// An item beyond the end is refused with the true length, as ArduPlane 4.7.0-dev in software did
+/// (`MissionItemProtocol_Waypoints::get_item`).
+#[test]
+fn an_item_beyond_the_end_is_refused_with_the_length() {
+    let mut station = Station::new();
+    let length = station.download(MISSION).len();
+    let heard = station.ask(&MISSION_REQUEST_INT_DATA {
+        target_system: SYSTEM,
+        target_component: 1,
+        seq: 99,
+        mission_type: MISSION,
+    });
+    let count = heard.iter().find_map(|m| match m {
+        MavMessage::MISSION_COUNT(m) => Some(usize::from(m.count)),
+        _ => None,
+    });
+    assert_eq!(count, Some(length));
+    let beyond = MavMissionResult::MAV_MISSION_INVALID_SEQUENCE;
+    assert_eq!(ended(&heard), Some((beyond, MISSION)));
+}
+
 /// A command with a number that no dialect has, 40404, is refused by its answer, not by silence.
 #[test]
 fn an_item_with_an_unknown_command_is_refused() {

@@ -43,7 +43,11 @@ fn state(kind: VehicleKind) -> State {
 
 impl Watched {
     fn new(kind: VehicleKind) -> Self {
-        let aircraft = fdm::Airframe::from_toml("x8.toml", X8).unwrap();
+        Self::flies(kind, "x8.toml", X8)
+    }
+
+    fn flies(kind: VehicleKind, file: &str, aircraft: &str) -> Self {
+        let aircraft = fdm::Airframe::from_toml(file, aircraft).unwrap();
         let mut vehicle = TeamVehicle::new(&scenario(), 2, &aircraft, 340.0).unwrap();
         assert!(
             vehicle.step(SimTime::ZERO, &[]).is_empty(),
@@ -246,6 +250,49 @@ fn modes_are_levels_of_control_and_wishes_for_them() {
             assert_eq!(watched.mode(m.custom_mode), ACCEPTED, "{}", m.custom_mode);
         }
     }
+}
+
+/// A quadrotor is an ArduCopter with the numbers of its modes (`ArduCopter/mode.h`): STABILIZE 0, ALT_HOLD 2, GUIDED 4,
+/// RTL 6; MAV_TYPE_QUADROTOR is 2 (`common.xml`).
+#[test]
+fn a_quadrotor_is_an_arducopter() {
+    let quad = include_str!("../../../../aircraft/quad.toml");
+    let mut watched = Watched::flies(VehicleKind::Simulated, "quad.toml", quad);
+    for (level, mode) in [
+        (ControlLevel::Automatic, 4),
+        (ControlLevel::Pilot, 2),
+        (ControlLevel::Guardian, 6),
+    ] {
+        watched.flown_by(level);
+        let heard = watched.ask(&MANUAL_CONTROL_DATA::default());
+        let shown = |m: &MavMessage| match m {
+            MavMessage::HEARTBEAT(m) => m.custom_mode == mode && m.mavtype as u8 == 2,
+            _ => false,
+        };
+        assert!(heard.iter().any(shown), "{level:?}");
+    }
+    for (mode, wish) in [
+        (0, ControlWish::TakeOver),
+        (2, ControlWish::TakeOver),
+        (4, ControlWish::HandBack),
+        (6, ControlWish::Home),
+    ] {
+        assert_eq!(watched.mode(mode), ACCEPTED);
+        assert_eq!(watched.wishes(), [wish]);
+    }
+    // Numbers of ArduPlane's modes are those of other modes, or of none.
+    for mode in [FBWA, RTL, GUIDED] {
+        assert_eq!(watched.mode(mode), FAILED, "{mode}");
+    }
+    let heard = watched.ask(&COMMAND_LONG_DATA {
+        target_system: SYSTEM,
+        ..long(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, &[1.0])
+    });
+    let says = |m: &MavMessage| match m {
+        MavMessage::STATUSTEXT(m) => m.text.to_str().unwrap().contains("take over by AltHold"),
+        _ => false,
+    };
+    assert!(heard.iter().any(says));
 }
 
 /// Sticks fly who has been taken over, and nobody else.

@@ -138,11 +138,11 @@ impl Meander {
         let own = (known - predicted.mean_axis_sd_deg().powi(2)).max(0.0);
         // What wanders within a crossing is no turn of it, and of the mean spread all the same.
         let seen = (seen + own + predicted.wander_deg().powi(2)) / width_deg.powi(2);
-        // Crossings that lie off their line by no more than they are known for may be those of a steady plume.
+        // Crossings that lie off their line by no more than they are known for, each by itself, may be those of a steady plume.
         let off = line.rms_off_deg();
         let is_followed = off > width_deg;
         let seen = if is_followed { 0.0 } else { seen };
-        (off.powi(2) > known).then_some(Self {
+        (off.powi(2) > own).then_some(Self {
             seen,
             may_be: if is_followed {
                 1.0

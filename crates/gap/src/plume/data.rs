@@ -31,6 +31,11 @@ const HEIGHT_SD_M: f64 = 1.0;
 const STRAY: usize = 2;
 const READ_SDS: f64 = 4.0;
 
+/// Least standard deviation of a logged direction, degrees: a vane is aligned to north within 1° with care, and an installed
+/// one is up to 5° off (US EPA 2000, EPA-454/R-99-005). A scenario may know its own wind better, such as one that a former
+/// flight has corrected.
+const VANE_SD_DEG: f64 = 1.0;
+
 /// Most platforms of one analysis.
 const MOST_PLATFORMS: usize = 64;
 
@@ -414,7 +419,15 @@ impl Data {
         };
         let levels_held = reference.is_none() && !own.is_empty();
         own.extend(self.rest.filter(|_| !in_flight).map(AtRest::meander));
+        let mut priors = setup.priors.clone();
+        if self.on_board_wind {
+            let of_direction = |p: &&mut Prior| p.id == MechanismId::WindDirectionOffset;
+            for prior in priors.iter_mut().filter(of_direction) {
+                prior.sd = prior.sd.max(VANE_SD_DEG);
+            }
+        }
         Ok(Setup {
+            priors,
             own,
             levels_held,
             has_read: has_read.collect(),

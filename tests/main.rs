@@ -15,6 +15,7 @@ mod faults;
 mod fdm_server;
 mod feed;
 mod flightgear;
+mod hidden_effect;
 mod hosts;
 mod import;
 mod mission;
@@ -32,6 +33,7 @@ fn main() -> std::process::ExitCode {
         clients::tests(),
         bridge::tests(),
         feed::tests(),
+        hidden_effect::tests(),
         mission::tests(),
         command_line::tests(),
         determinism::tests(),

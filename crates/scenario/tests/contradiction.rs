@@ -83,6 +83,8 @@ fn a_wind_from_the_other_side_is_contradicted_by_what_vehicles_report() {
 #[test]
 fn a_posterior_far_from_its_prior_is_contradicted_and_a_usual_one_is_not() {
     let mut evidence = evidence("449");
+    // Clean air alone would contradict no plume.
+    read_at(&mut evidence, Some((8.0, 252.0)), 72.0, 540.0);
     let known = |value, sd| Known { value, sd };
     let usual = Corrected {
         background_ppm: known(446.0, 0.3),

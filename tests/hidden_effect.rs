@@ -1,0 +1,205 @@
+//! An effect that nobody told the team is hidden in the reality of a mission, or in measured data, and the programs find it.
+//!
+//! Each test does what a user does: it flies a mission with `plumage run`, looks for what the simulation gets wrong with
+//! `plumage gap plume`, and flies the extended scenario. The team learns of the reality by the readings of one aircraft.
+
+use crate::program::{folder, plumage, text};
+use gap_truth::{Case, CaseSpec, PlumeEffect};
+use scenario::Scenario;
+use serde_json::Value;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+const STEADY: &str = include_str!("../scenarios/as-pontes-steady.toml");
+const UNSTEADY: &str = include_str!("../scenarios/as-pontes.toml");
+const HIDDEN_CAUSE: &str = include_str!("../scenarios/hidden-cause.toml");
+
+/// A number with a standard deviation holds within so many of them; three numbers are tested in one test.
+const WITHIN_SD: f64 = 3.0;
+/// Seed of the flight of an extended scenario: another than that of the flight before.
+const SEED_AGAIN: &str = "103";
+
+/// An effect as a scenario has it.
+struct Hidden {
+    id: &'static str,
+    parameters: &'static [(&'static str, f64)],
+}
+
+impl Hidden {
+    /// The scenario `base` with the effect in its reality.
+    fn in_reality_of(&self, base: &str) -> String {
+        let parameters: String = self
+            .parameters
+            .iter()
+            .map(|(name, value)| format!("{name} = {value:?}\n"))
+            .collect();
+        format!(
+            "{base}\n[[reality.mechanism]]\nid = \"{}\"\n{parameters}",
+            self.id
+        )
+    }
+}
+
+fn succeeds(arguments: &[&str]) {
+    let output = plumage(arguments);
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{arguments:?}: {told}");
+}
+
+fn json(path: &Path) -> Value {
+    serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap()
+}
+
+/// Flies a scenario; its summary.
+fn flown(scenario: &Path, seed: &str, out: &Path) -> Value {
+    succeeds(&[
+        "run",
+        text(scenario),
+        "--seed",
+        seed,
+        "--no-serve",
+        "--out",
+        text(out),
+    ]);
+    json(&out.join("summary.json"))
+}
+
+/// Looks for what `scenario` gets wrong in `data`; the folder of the answer.
+fn analysed(data: &[PathBuf], scenario: &Path, dir: &Path) -> PathBuf {
+    let out = dir.join("gap");
+    let mut arguments = vec!["gap", "plume"];
+    arguments.extend(data.iter().map(|file| text(file)));
+    arguments.extend(["--scenario", text(scenario), "--out", text(&out)]);
+    succeeds(&arguments);
+    out
+}
+
+/// Checks that the answer names `id` alone, with `parameters` as they are, and that the extended model predicts readings
+/// better which it has not seen.
+fn is_named(answer: &Value, id: &str, parameters: &[(&str, f64)]) {
+    assert_eq!(answer["verdict"], "named", "{}", answer["causes"]);
+    let causes = answer["causes"].as_array().unwrap();
+    assert_eq!(causes.len(), 1, "{causes:?}");
+    assert_eq!(causes[0]["mechanisms"], serde_json::json!([id]));
+    let found = causes[0]["parameters"].as_array().unwrap();
+    for (name, truth) in parameters {
+        let found = found.iter().find(|p| p["name"] == *name).unwrap();
+        let off = found["value"].as_f64().unwrap() - truth;
+        let sd = found["sd"].as_f64().unwrap();
+        assert!(
+            off.abs() < WITHIN_SD * sd,
+            "{name}: {off} off, sd {sd} for {truth}"
+        );
+    }
+    let gain = &answer["gain"]["held_out"];
+    let of = |key: &str| gain[key].as_f64().unwrap();
+    assert!(of("log_score_gain_low") > 0.0, "{gain}");
+    assert!(of("rmse_after") < of("rmse_before"), "{gain}");
+}
+
+/// The reality in which a scenario flies.
+fn reality(scenario: &Path) -> plume::DispersionSpec {
+    let read = fs::read_to_string(scenario).unwrap();
+    let parsed = Scenario::parse(text(scenario), &read).unwrap();
+    parsed.in_reality().dispersion_spec().unwrap()
+}
+
+/// Flies `scenario`, finds `hidden`, and flies the extended scenario in the same reality.
+fn finds(name: &str, scenario: &str, seed: &str, hidden: &Hidden) {
+    let dir = folder(name);
+    let before = dir.join("before.toml");
+    fs::write(&before, scenario).unwrap();
+    let flight = dir.join("flight");
+    let summary = flown(&before, seed, &flight);
+    let gap = analysed(&[flight.join("mission.mcap")], &before, &dir);
+    let answer = json(&gap.join("gap.json"));
+    is_named(&answer, hidden.id, hidden.parameters);
+    assert_eq!(
+        summary["gap"]["verdict"], answer["verdict"],
+        "in flight as from the record"
+    );
+    assert_eq!(
+        summary["gap"]["causes"][0]["mechanisms"],
+        answer["causes"][0]["mechanisms"]
+    );
+
+    let extended = gap.join("extended.toml");
+    // As text: settings that are none are no number.
+    let [of_extended, of_before] = [&extended, &before].map(|s| format!("{:?}", reality(s)));
+    assert_eq!(of_extended, of_before);
+    let again = flown(&extended, SEED_AGAIN, &dir.join("again"));
+    assert_eq!(again["gap"]["verdict"], "none", "{}", again["gap"]);
+    let peak = &again["peak"];
+    assert_eq!(peak["status"], "confirmed", "{peak}");
+    let of = |value: &Value| value.as_f64().unwrap();
+    let off_ppm = of(&peak["estimate"]["co2_ppm"]) - of(&peak["truth"]["co2_ppm"]);
+    assert!(
+        off_ppm.abs() < WITHIN_SD * of(&peak["estimate"]["sd_ppm"]),
+        "{peak}"
+    );
+}
+
+/// README's mission.
+fn a_second_source_is_found_and_flown() {
+    let hidden = Hidden {
+        id: "second-source",
+        parameters: &[("east_m", 200.0), ("north_m", -330.0), ("ratio", 0.6)],
+    };
+    finds("hidden-second-source", HIDDEN_CAUSE, "3", &hidden);
+}
+
+fn a_wind_that_veers_with_height_is_found_and_flown() {
+    let hidden = Hidden {
+        id: "wind-veer-with-height",
+        parameters: &[("rate_deg_per_100m", 5.0)],
+    };
+    let scenario = hidden.in_reality_of(STEADY);
+    finds("hidden-veer", &scenario, "3", &hidden);
+}
+
+fn an_emission_that_grows_is_found_and_flown() {
+    let hidden = Hidden {
+        id: "emission-trend",
+        parameters: &[("rate_per_h", 1.5)],
+    };
+    let scenario = hidden.in_reality_of(STEADY);
+    finds("hidden-trend", &scenario, "3", &hidden);
+}
+
+fn a_gradient_of_the_background_is_found_in_unsteady_air() {
+    let hidden = Hidden {
+        id: "background-gradient",
+        parameters: &[("east_ppm_per_km", 6.0), ("north_ppm_per_km", -4.0)],
+    };
+    let scenario = hidden.in_reality_of(UNSTEADY);
+    finds("hidden-gradient", &scenario, "3", &hidden);
+}
+
+/// Observations of a generator that shares no code with the analysis.
+fn an_effect_in_measured_data_is_found() {
+    let effect = PlumeEffect::WindDirectionDrift;
+    let case = Case::make(&CaseSpec::one(2, effect, 8.0));
+    let dir = folder("hidden-in-data");
+    let scenario = dir.join("scenario.toml");
+    fs::write(&scenario, &case.scenario_toml).unwrap();
+    let written = case.observations.iter().map(|(name, csv)| {
+        let file = dir.join(name);
+        fs::write(&file, csv).unwrap();
+        file
+    });
+    let data: Vec<PathBuf> = written.collect();
+    let gap = analysed(&data, &scenario, &dir);
+    let truth = &case.truth.effects[0];
+    let parameters: Vec<(&str, f64)> = truth.parameters.iter().map(|p| (p.name, p.value)).collect();
+    is_named(&json(&gap.join("gap.json")), effect.id(), &parameters);
+}
+
+crate::runner::tests! {
+    Cores {
+        a_second_source_is_found_and_flown,
+        a_wind_that_veers_with_height_is_found_and_flown,
+        an_emission_that_grows_is_found_and_flown,
+        a_gradient_of_the_background_is_found_in_unsteady_air,
+        an_effect_in_measured_data_is_found,
+    }
+}

@@ -12,7 +12,7 @@ use crate::tables::WindFollows;
 use crate::uncertain::Uncertain;
 use air::geo::{Enu, Geodetic, LocalFrame, wrap_deg, wrap_signed_deg};
 use air::wind::{WindProfile, WindVector};
-use formats::number::plus_minus;
+use formats::number::{plus_minus, significant};
 use plume::{DispersionModel, MechanismId};
 use serde::Serialize;
 use shown::{Shown, upwind};
@@ -515,9 +515,12 @@ impl From<Comparison> for Contradiction {
             0.0 => prior.value.to_string(),
             sd => plus_minus(prior.value, sd),
         };
+        let shown = match posterior.sd {
+            0.0 => significant(posterior.value),
+            sd => plus_minus(posterior.value, sd),
+        };
         let says = format!(
-            "the scenario contradicts the readings: {key} is {stated}, and they show {}",
-            plus_minus(posterior.value, posterior.sd)
+            "the scenario contradicts the readings: {key} is {stated}, and they show {shown}"
         );
         Self {
             key,

@@ -24,6 +24,10 @@ const WORTH: f64 = 2.0;
 /// What a normal distribution holds below two standard deviations.
 const WITHIN_2_SD: f64 = 0.977_25;
 
+/// A plume meanders whose axis wanders within a crossing by this part of its width or more, however few crossings show it:
+/// a fit to a steady plume leaves 1 %, one to a plume in unsteady air 8 % to 20 %.
+const WANDERS: f64 = 0.03;
+
 /// A slope that is not zero by so many standard deviations is a wind that turns.
 const TURNS_SD: f64 = 3.0;
 
@@ -140,9 +144,10 @@ impl Meander {
         let seen = (seen + own + predicted.wander_deg().powi(2)) / width_deg.powi(2);
         // Crossings that lie off their line by no more than they are known for, each by itself, may be those of a steady plume.
         let off = line.rms_off_deg();
+        let is_steady = off.powi(2) <= own && predicted.wander_deg() < WANDERS * width_deg;
         let is_followed = off > width_deg;
         let seen = if is_followed { 0.0 } else { seen };
-        (off.powi(2) > own).then_some(Self {
+        (!is_steady).then_some(Self {
             seen,
             may_be: if is_followed {
                 1.0

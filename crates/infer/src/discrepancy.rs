@@ -417,9 +417,20 @@ impl Policy {
         })
     }
 
-    /// Limits sizes to the tolerated ones: no discrepancy except a slow change of strength, such as that of the wind speed,
-    /// and an axis drift of about the tolerated wander.
-    pub(crate) fn tolerated_sizes(&self, sizes: &Sizes) -> Sizes {
+    /// Limits sizes to the tolerated ones: no discrepancy except a slow change of strength, and an axis drift of about the
+    /// tolerated wander. The strength changes a little, as the wind's speed does, where the axis lies still. Where it drifts
+    /// or wanders, the same eddies raise and lower the plume, and a sensor meets it stronger and weaker by turns (Gifford
+    /// 1959): with displacements as large as the plume, by 0.4 of its mean.
+    pub(crate) fn tolerated_sizes(&self, sizes: &Sizes, wander_deg: f64) -> Sizes {
+        let mut tolerated = self.tolerated_sizes_in_still_air(sizes);
+        if sizes[AXIS_DRIFT] > 0.0 || wander_deg > self.moving_axis_deg {
+            tolerated[TIME] = sizes[TIME].min(self.discrepancy_sizes[1]);
+        }
+        tolerated
+    }
+
+    /// The same where the axis lies still.
+    pub(crate) fn tolerated_sizes_in_still_air(&self, sizes: &Sizes) -> Sizes {
         std::array::from_fn(|k| match k {
             AXIS_DRIFT => {
                 sizes[k].min(self.nearest_axis_drift_deg(self.noise_tolerated.wander_deg))

@@ -57,6 +57,9 @@ pub struct Policy {
     /// wanders by some degrees about a wind that is logged elsewhere (σθ of a neutral layer is 10°: Pasquill 1961). Up and
     /// down it wanders by at most half of the variance of the mean plume, of which meander is a part (Gifford 1959).
     pub noise_tolerated: Noise,
+    /// Wander of the axis beyond which the air is unsteady, degrees: a fit to a steady plume leaves some hundredths of a
+    /// degree, one to a plume in unsteady air half a degree and more.
+    pub moving_axis_deg: f64,
     /// About how many passes a record is cut into.
     pub passes: usize,
     /// An innovation beyond this many standard deviations is a spike where it is short: one in
@@ -146,6 +149,7 @@ impl Default for Policy {
                 wander_s: f64::INFINITY,
                 wander_sigma_z: 0.7,
             },
+            moving_axis_deg: 0.3,
             passes: 16,
             spike_sd: 4.0,
             spike_part_of_crossing: 0.5,

@@ -1,7 +1,7 @@
-//! An effect that nobody told the team is hidden in the reality of a mission, or in measured data, and the programs find it.
+//! Hides an effect from the team in the reality of a mission, or in generated data, and checks that the programs find it.
 //!
-//! Each test does what a user does: it flies a mission with `plumage run`, looks for what the simulation gets wrong with
-//! `plumage gap plume`, and flies the extended scenario. The team learns of the reality by the readings of one aircraft.
+//! Tests with a mission do what a user does: they fly it with `plumage run`, find the error of the model with
+//! `plumage gap plume`, and fly the extended scenario. The team learns of the reality only by the readings of one aircraft.
 
 use crate::program::{folder, plumage, text};
 use gap_truth::{Case, CaseSpec, PlumeEffect};
@@ -14,12 +14,12 @@ const STEADY: &str = include_str!("../scenarios/as-pontes-steady.toml");
 const UNSTEADY: &str = include_str!("../scenarios/as-pontes.toml");
 const HIDDEN_CAUSE: &str = include_str!("../scenarios/hidden-cause.toml");
 
-/// A number with a standard deviation holds within so many of them; three numbers are tested in one test.
+/// Largest accepted error of a number, in its standard deviations; one test checks up to three numbers.
 const WITHIN_SD: f64 = 3.0;
-/// Seed of the flight of an extended scenario: another than that of the flight before.
+/// Seed of the flight of an extended scenario, different from that of the first flight.
 const SEED_AGAIN: &str = "103";
 
-/// An effect as a scenario has it.
+/// A hidden effect, with its keys in a scenario.
 struct Hidden {
     id: &'static str,
     parameters: &'static [(&'static str, f64)],
@@ -50,7 +50,7 @@ fn json(path: &Path) -> Value {
     serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap()
 }
 
-/// Flies a scenario; its summary.
+/// Flies a scenario and returns its summary.
 fn flown(scenario: &Path, seed: &str, out: &Path) -> Value {
     succeeds(&[
         "run",
@@ -64,7 +64,7 @@ fn flown(scenario: &Path, seed: &str, out: &Path) -> Value {
     json(&out.join("summary.json"))
 }
 
-/// Looks for what `scenario` gets wrong in `data`; the folder of the answer.
+/// Compares `scenario` with `data` by `gap plume` and returns the output folder.
 fn analysed(data: &[PathBuf], scenario: &Path, dir: &Path) -> PathBuf {
     let out = dir.join("gap");
     let mut arguments = vec!["gap", "plume"];
@@ -74,8 +74,8 @@ fn analysed(data: &[PathBuf], scenario: &Path, dir: &Path) -> PathBuf {
     out
 }
 
-/// Checks that the answer names `id` alone, with `parameters` as they are, and that the extended model predicts readings
-/// better which it has not seen.
+/// Checks that the answer names `id` alone with the true `parameters`, and that the extended model predicts held-out readings
+/// better.
 fn is_named(answer: &Value, id: &str, parameters: &[(&str, f64)]) {
     assert_eq!(answer["verdict"], "named", "{}", answer["causes"]);
     let causes = answer["causes"].as_array().unwrap();
@@ -104,7 +104,7 @@ fn reality(scenario: &Path) -> plume::DispersionSpec {
     parsed.in_reality().dispersion_spec().unwrap()
 }
 
-/// Flies `scenario`, finds `hidden`, and flies the extended scenario in the same reality.
+/// Flies `scenario`, checks that `hidden` is found, and flies the extended scenario in the same reality.
 fn finds(name: &str, scenario: &str, seed: &str, hidden: &Hidden) {
     let dir = folder(name);
     let before = dir.join("before.toml");
@@ -124,7 +124,7 @@ fn finds(name: &str, scenario: &str, seed: &str, hidden: &Hidden) {
     );
 
     let extended = gap.join("extended.toml");
-    // As text: settings that are none are no number.
+    // Compared as text, since a setting may be NaN.
     let [of_extended, of_before] = [&extended, &before].map(|s| format!("{:?}", reality(s)));
     assert_eq!(of_extended, of_before);
     let again = flown(&extended, SEED_AGAIN, &dir.join("again"));
@@ -139,7 +139,7 @@ fn finds(name: &str, scenario: &str, seed: &str, hidden: &Hidden) {
     );
 }
 
-/// README's mission.
+/// The mission of README, *Find a hidden cause*.
 fn a_second_source_is_found_and_flown() {
     let hidden = Hidden {
         id: "second-source",

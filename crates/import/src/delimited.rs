@@ -245,7 +245,7 @@ fn by_preset(
         return Ok(map.clone());
     };
     let mut states = preset.states()?;
-    // A version of an instrument with other columns of the time: it is told as of any log.
+    // None for a version of an instrument with other time columns: then the time is recognised as in any log.
     states.time = preset.time(&layout.headers);
     Ok(map.clone().over(&states))
 }

@@ -26,7 +26,7 @@ impl Stamps {
         usual: 1,
     };
 
-    /// Times of a clock that is not set in the first rows: those of a GPS, in whole seconds.
+    /// Assumed where the first rows have no time: the clock of a GPS, in whole seconds.
     pub const WHOLE_SECONDS: Self = Self {
         step_s: 1.0,
         usual: 1,

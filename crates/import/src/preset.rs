@@ -11,11 +11,11 @@ pub struct Preset {
     pub name: &'static str,
     /// What it is, in words.
     pub what: &'static str,
-    /// Columns by which it is recognised, of several versions: it has all of one of these, in these letters.
+    /// Sets of columns by which its versions are recognised: a log has all columns of one set, in the same case.
     has: &'static [&'static [&'static str]],
     /// Text with which it begins, if that tells it.
     begins: &'static str,
-    /// Columns of its time, of several versions: the first of these that are all there.
+    /// Sets of time columns of its versions: the first set that a log has completely counts.
     times: &'static [&'static [&'static str]],
     /// What is stated of it: the table of a log in a mapping file.
     states: &'static str,
@@ -63,7 +63,7 @@ pub static PRESETS: [Preset; 10] = [
             &["Clock:offsetTime"],
             &["offsetTime"],
         ],
-        // Zeros stand for a position that is not known yet. The temperatures of the IMU are not those of the air.
+        // Zeros stand for an unknown position. The IMU's temperatures are not those of the air.
         states: "zone = \"UTC\"
 time_unit = \"s\"
 [column.lat_deg]
@@ -214,7 +214,7 @@ impl Preset {
         })
     }
 
-    /// The columns of its time that a log with these columns has; none where its version has others.
+    /// The time columns of a log with these headers; none where its version has other ones.
     pub fn time(&self, headers: &[Header]) -> Option<Names> {
         let mut times = self.times.iter();
         let there = times.find(|names| are_there(names, headers))?;
@@ -224,7 +224,7 @@ impl Preset {
         })
     }
 
-    /// What it states; its time names the columns of all versions.
+    /// The preset as a mapping; `time` lists the columns of all versions.
     ///
     /// # Errors
     /// A table that is none, which the tests exclude.

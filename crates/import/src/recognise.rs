@@ -286,7 +286,7 @@ impl Header {
     }
 }
 
-/// A header without the number of the sensor behind its group, as in `GPS(0):Lat[degrees]`.
+/// A header without the sensor's index: `GPS:Lat[degrees]` for `GPS(0):Lat[degrees]`.
 fn without_index(text: &str) -> Cow<'_, str> {
     let indexed = text.split_once('(').and_then(|(group, rest)| {
         let (index, name) = rest.split_once("):")?;

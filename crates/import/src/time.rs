@@ -158,7 +158,7 @@ fn date(bytes: &mut Bytes<'_>, order: Option<DateOrder>) -> Option<i64> {
 fn time_of_day(bytes: &mut Bytes<'_>) -> Option<(f64, Option<f64>)> {
     let (first, count) = bytes.digits(6)?;
     let (mut hour, minute, second) = match count {
-        // A number of six digits has five before ten.
+        // hhmmss as a number has five digits before ten o'clock.
         5 | 6 => (first / 10_000, first / 100 % 100, first % 100),
         4 => (first / 100, first % 100, 0),
         1 | 2 if bytes.eat(b':') => {

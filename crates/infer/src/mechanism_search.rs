@@ -281,7 +281,7 @@ impl<'a> Question<'a> {
         if still == ordinary {
             return Ok(plain);
         }
-        // A search with more freedom may end at a worse place.
+        // A search with more freedom may end at a lower score: the better of both fits counts.
         let still = self.restricted(of, &still, false)?;
         Ok(if still.ln_score() > plain.ln_score() {
             still

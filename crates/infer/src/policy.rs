@@ -57,8 +57,8 @@ pub struct Policy {
     /// wanders by some degrees about a wind that is logged elsewhere (σθ of a neutral layer is 10°: Pasquill 1961). Up and
     /// down it wanders by at most half of the variance of the mean plume, of which meander is a part (Gifford 1959).
     pub noise_tolerated: Noise,
-    /// Wander of the axis beyond which the air is unsteady, degrees: a fit to a steady plume leaves some hundredths of a
-    /// degree, one to a plume in unsteady air half a degree and more.
+    /// Wander of the axis beyond which the air counts as unsteady, degrees. A fit leaves some hundredths of a degree in steady
+    /// air, half a degree and more in unsteady air.
     pub moving_axis_deg: f64,
     /// About how many passes a record is cut into.
     pub passes: usize,

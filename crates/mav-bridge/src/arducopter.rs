@@ -42,7 +42,7 @@ pub const FS_GCS_TIMEOUT: &str = "FS_GCS_TIMEOUT";
 pub const FS_THR_ENABLE: &str = "FS_THR_ENABLE";
 /// Parameter: action at a low battery.
 pub const BATT_FS_LOW_ACT: &str = "BATT_FS_LOW_ACT";
-/// Parameter: drag of the rotors by which it estimates the wind; 0: it estimates none, and tells zeros.
+/// Parameter: drag of the rotors, from which ArduCopter estimates the wind. With 0 it estimates none and sends zeros.
 pub const EK3_DRAG_MCOEF: &str = "EK3_DRAG_MCOEF";
 /// Parameter: altitude above home at which RTL flies, m, since ArduCopter 4.8.
 pub const RTL_ALT_M: &str = "RTL_ALT_M";

@@ -375,7 +375,7 @@ impl Bridge {
             (BridgePhase::Ground, PathKind::GoTo | PathKind::Orbit) if self.rejoins => {
                 self.take_off(setpoint, now, out);
             }
-            // It is down already.
+            // The vehicle has landed already.
             (BridgePhase::Ground, PathKind::Land) => {}
             (BridgePhase::Ground, _) => {
                 let why = "the vehicle is on the ground; hand it back to let it take off";

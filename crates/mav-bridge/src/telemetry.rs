@@ -275,7 +275,7 @@ impl Telemetry {
         let [north, east, down] = velocity_m_s(position);
         let lat_deg = f64::from(position.lat) / 1e7;
         let east_m_per_degree = METRES_PER_DEGREE * lat_deg.to_radians().cos().max(0.01);
-        // A wind of exactly 0 is none: an estimator that does not estimate it, as ArduCopter's by default, tells zeros.
+        // A wind of exactly 0 counts as no wind: an autopilot without an estimate, such as ArduCopter by default, sends zeros.
         let wind = fresh(&self.wind, now, WEATHER_LASTS_S)
             .filter(|w| w.speed.is_finite() && w.direction.is_finite() && w.speed > 0.0);
         Some(Reading {

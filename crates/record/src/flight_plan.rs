@@ -115,7 +115,7 @@ impl FlightPlan {
         legs.map(|ends| leg_m(ends[0], ends[1])).sum::<f64>() + 2.0 * self.take_off_height_m
     }
 
-    /// The shortest time of the flight, s: at its speed all the way, with its waits. An autopilot slows down at corners.
+    /// The shortest flight time, s: at the plan's speed all the way, plus its waits. An autopilot slows down at corners.
     pub fn least_s(&self) -> f64 {
         let stops = self.points.iter().filter(|p| p.stops).count();
         self.length_m() / self.speed_m_s + STOP_S * stops as f64

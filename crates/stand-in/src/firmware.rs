@@ -56,7 +56,7 @@ impl Firmware {
         }
     }
 
-    /// ArduCopter on a quadrotor with these of its modes, and their numbers inside.
+    /// ArduCopter on a quadrotor with these of its modes; `numbers` maps them to the stand-in's own modes.
     pub const fn copter(
         modes: &'static [(u32, &'static str)],
         numbers: &'static [(u32, u32)],
@@ -69,7 +69,7 @@ impl Firmware {
         }
     }
 
-    /// The firmware of an aircraft that can stand still in the air, or cannot.
+    /// The firmware of an aircraft: ArduCopter if it hovers, else ArduPlane.
     pub fn of(hovers: bool) -> &'static Self {
         if hovers { &COPTER } else { &PLANE }
     }

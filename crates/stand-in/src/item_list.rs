@@ -112,7 +112,7 @@ impl ItemList {
                 item: item.clone(),
                 in_floats,
             }],
-            // The true length is told to who believes in another.
+            // The peer may assume another length, so the answer includes the true one.
             None => vec![
                 Answer::Count(self.items.len()),
                 Answer::Ack(INVALID_SEQUENCE),

@@ -58,7 +58,7 @@ impl AutopilotParameters {
         Self {
             values: vec![
                 (BATT_FS_LOW_ACT, 2.0),
-                // The stand-in tells its wind.
+                // Not 0, because the stand-in sends a wind estimate.
                 (EK3_DRAG_MCOEF, 0.1),
                 (FENCE_ACTION, 1.0),
                 (FENCE_ENABLE, 0.0),

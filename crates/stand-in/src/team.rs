@@ -65,7 +65,7 @@ static COPTER: Firmware = Firmware::copter(
         (arducopter::AUTO, AUTO),
         (arducopter::RTL, RTL),
         (arducopter::GUIDED, GUIDED),
-        // Shown, never chosen.
+        // Shown to ground stations, which cannot select it.
         (arducopter::LOITER, LOITER),
     ],
 );
@@ -88,9 +88,9 @@ const CENTRED: Sticks = Sticks {
 
 /// A vehicle of the team, simulated or real, as an ArduPlane or ArduCopter on a link.
 ///
-/// It is told what the bus says of the vehicle, and tells what ground stations want of it, as the
-/// controls that the page and `plumage control` send too. While the squadron controller flies it it is
-/// in GUIDED; a pilot's mode is FBWA (ALT_HOLD of an ArduCopter), and LOITER where he has sent it somewhere; the Guardian's is RTL.
+/// It receives the vehicle's messages from the bus, and returns the requests of ground stations as the controls that the page
+/// and `plumage control` send too. While the squadron controller flies the vehicle, it is in GUIDED. Under a pilot it is in
+/// FBWA (ArduCopter: ALT_HOLD), or in LOITER once the pilot has sent it to a position; under the Guardian in RTL.
 #[derive(Debug)]
 pub struct TeamVehicle {
     speaker: Speaker,
@@ -265,7 +265,7 @@ impl TeamVehicle {
         }
     }
 
-    /// The mode that it is shown in, by ArduPlane's number.
+    /// The mode that ground stations see, as ArduPlane's number.
     fn custom_mode(&self) -> u32 {
         match self.level {
             ControlLevel::Automatic => GUIDED,
@@ -444,7 +444,7 @@ impl TeamVehicle {
             .push(TeamWish::Control(Control { wish, sticks: None }));
     }
 
-    /// A mode by its number on the wire.
+    /// Changes to the mode with this number on the link.
     fn choose_mode(&mut self, on_wire: u32, now: SimTime) -> MavResult {
         match self.firmware.inside(on_wire) {
             Some(mode) => self.change_mode(mode, now),

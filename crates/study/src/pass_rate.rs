@@ -57,21 +57,21 @@ pub struct Weighing {
     pub background_sd_ppm: f64,
 }
 
-/// What passes tell of rate and vertical spread of a mission's plume.
+/// Rate and vertical spread of a mission's plume, as its passes determine them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PassRate {
     /// ln of the rate, kg/s, with weights.
     ln_kg_s: Vec<(f64, f64)>,
-    /// Standard deviation of ln rate by the background.
+    /// Standard deviation of ln rate due to the background.
     background_ln_sd: f64,
-    /// Mean of ln rate, kg/s, and of ln σz over σz beforehand.
+    /// Means of ln rate (kg/s) and of ln of the ratio of σz to its prior value.
     pub mean: [f64; 2],
     /// Covariance of both.
     pub covariance: [[f64; 2]; 2],
 }
 
 impl PassRate {
-    /// The rate, kg/s, in a wind that is faster by a factor, which is known to `wind_ln_sd`.
+    /// The rate, kg/s, in a wind that is `faster` times as fast; `wind_ln_sd` is the standard deviation of ln of its speed.
     pub fn kg_s(&self, faster: f64, wind_ln_sd: f64) -> Interval {
         let values = self.ln_kg_s.iter();
         let in_wind = values.map(|(ln, weight)| (ln + faster.ln(), *weight));
@@ -79,9 +79,9 @@ impl PassRate {
     }
 }
 
-/// What all sources upwind emit by the passes among `samples`, which stand platform by platform in order of time with the
-/// background subtracted; `wind` is that of a height above ground, m. Of no rate more is known beforehand than of any other.
-/// None where fewer than three passes cross the whole plume.
+/// Estimates the emission of all sources upwind from the passes among `samples`. The samples are sorted by platform and time,
+/// with the background subtracted; `wind` gives the wind at a height above ground, m. No rate is more probable than another
+/// beforehand. None where fewer than three passes cross the whole plume.
 pub fn rate_by_passes(
     samples: &[Sample],
     site: &Site,
@@ -155,7 +155,7 @@ fn crossing(pass: &Pass, weighing: Weighing) -> (Crossing, f64) {
 pub(crate) struct Posterior {
     /// ln rate with its weight.
     pub ln_rate: Vec<(f64, f64)>,
-    /// What σz is off in its standard deviations beforehand: mean, variance, and covariance with ln rate.
+    /// Deviation of ln σz from its prior, in prior standard deviations: mean, variance, and covariance with ln rate.
     pub sigma_z_off: [f64; 3],
     /// Variances of ln rate by σz, by the height of the source, and by the rest.
     pub sigma_z_variance: f64,
@@ -350,8 +350,8 @@ mod tests {
         assert!(alone.value < 0.85 * Q_KG_S, "{alone:?}");
     }
 
-    /// Passes at the axis carry Q times a log-normal factor of mean one: its quantiles at (k + 1/2)/12 for ln sd 0.6 (SciPy,
-    /// exp(0.6 norm.ppf(p) - 0.18)), in mixed order. Their median is 16 % lower.
+    /// Each pass at the axis carries Q times a log-normal factor with a mean of one. The factors are the quantiles at
+    /// (k + 1/2)/12 for ln sd 0.6 (SciPy, exp(0.6 norm.ppf(p) - 0.18)), in mixed order. Their median is 16 % below the mean.
     #[test]
     fn the_rate_is_the_mean_of_passes_that_scatter() {
         let factors = [
@@ -384,7 +384,7 @@ mod tests {
         assert!((rate.value / Q_KG_S - 1.0).abs() < 0.1, "{rate:?}");
     }
 
-    /// Q/σz is known better than Q where passes cross the axis: both err together.
+    /// Passes across the axis determine Q/σz better than Q, so the errors of both are correlated.
     #[test]
     fn rate_and_spread_err_together() {
         let source = SourcePlume {

@@ -19,8 +19,8 @@ const CORRELATED_S: f64 = 80.0;
 /// The most correlated displacements that the grid can tell apart.
 const MOST_CORRELATED: f64 = 0.9;
 /// Standard deviation of ln of what a pass carries, beside the wander of the axis: with half of σz² as wander, passes on
-/// the axis scatter by [`plume::curtain::PASS_SCATTER`]. The passes choose among half, all and twice of it. What they carry
-/// in the mean is the plume's, as its mass is conserved.
+/// the axis scatter by [`plume::curtain::PASS_SCATTER`]. The passes choose among half, all and twice of it. The mean
+/// of what they carry is the rate of the plume, because mass is conserved.
 const SCATTER: [(f64, f64); 3] = [(0.15, 0.25), (0.3, 0.5), (0.6, 0.25)];
 /// What a pass carries is not Gaussian by this part of the strongest pass, one standard deviation: large eddies carry gas
 /// far aside, where a Gaussian has none.
@@ -124,7 +124,7 @@ impl<'a> Wander<'a> {
             }
             let fixed = self.floor_kg_s_m.hypot(crossing.noise_kg_s_m) / scatter;
             let seen = (crossing.kg_s_m / fixed).asinh();
-            // Of a normal quantity sinh has the mean e^(s²/2) sinh(its mean).
+            // Where x is normal with mean m and standard deviation s, the mean of sinh x is e^(s²/2) sinh m.
             let median = rate / fixed * (-0.5 * scatter * scatter).exp();
             for (s, density) in state.iter_mut().zip(densities) {
                 let off = (seen - (median * density).asinh()) / scatter;

@@ -31,9 +31,9 @@ const HEIGHT_SD_M: f64 = 1.0;
 const STRAY: usize = 2;
 const READ_SDS: f64 = 4.0;
 
-/// Least standard deviation of a logged direction, degrees: a vane is aligned to north within 1° with care, and an installed
-/// one is up to 5° off (US EPA 2000, EPA-454/R-99-005). A scenario may know its own wind better, such as one that a former
-/// flight has corrected.
+/// Smallest standard deviation of a logged wind direction, degrees. A vane can be aligned to north within 1° with care, and an
+/// installed one is up to 5° off (US EPA 2000, EPA-454/R-99-005). The prior of a scenario may be narrower, for example after
+/// a former flight has corrected it.
 const VANE_SD_DEG: f64 = 1.0;
 
 /// Most platforms of one analysis.

@@ -35,7 +35,7 @@ pub enum TimeCells {
 }
 
 impl TimeCells {
-    /// All cells of a time.
+    /// The indices of all cells of a time.
     fn all(&self) -> Vec<usize> {
         match self {
             Self::Stamp(c) | Self::OfDay(c) | Self::Count(c, _, None) => vec![*c],
@@ -234,7 +234,7 @@ impl Finder<'_> {
                 "state another column as time",
             )
         };
-        // A clock that is not set yet in the first rows, as that of a GPS without a fix.
+        // A clock may not be set yet in the first rows, such as that of a GPS without a fix.
         let unset = |cell: usize, kind| self.cells(cell).is_empty().then_some(kind);
         match cells[..] {
             [one] => {

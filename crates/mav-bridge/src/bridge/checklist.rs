@@ -504,8 +504,8 @@ fn airspeed(expected: &Expectation, eas_over_tas: f64, low: Named, high: Named) 
     point("airspeed", verdict, words)
 }
 
-/// The wind beside the speed of the mission, over ground (whose sum the check of the mission compares with the aircraft's
-/// limit) or through the air.
+/// Compares the wind with the mission's airspeed. Where the mission's speed is over ground, only reports their sum, which the
+/// check of the mission compares with the aircraft's limit.
 fn wind(expected: &Expectation, ground_speed: bool) -> Point {
     let (wind_m_s, airspeed_m_s) = (expected.wind_m_s, expected.airspeed_m_s);
     if ground_speed {

@@ -353,7 +353,7 @@ impl Bridge {
         let home = (HOME_POSITION_DATA::ID, HOME_HZ);
         let home = self.checklist.is_kept().then_some(home);
         let own = self.config.profile.messages.iter().copied();
-        // A multirotor has no airspeed sensor, and no hygrometer on one.
+        // A multirotor has no airspeed sensor, and so no hygrometer on it.
         let of_airspeed = [HYGROMETER_SENSOR_DATA::ID, AIRSPEED_DATA::ID];
         let rotors = self.config.profile.commands.ground_speed;
         let there = |(id, _): &(u32, f64)| !(rotors && of_airspeed.contains(id));

@@ -131,7 +131,7 @@ impl Bridge {
         if with_place {
             return;
         }
-        // A multirotor stops at its places, so that its speed does not show whether another station has changed it.
+        // A multirotor stops at its places, so its speed does not show whether another station has changed the setting.
         if self.config.profile.commands.ground_speed {
             self.speed.forget();
         }
@@ -375,8 +375,8 @@ impl Bridge {
         out: &mut BridgeOutput,
     ) {
         let message = command.message(to, sent, self.config.profile);
-        // A question changes nothing of the flight, and neither does the rate of a message, without which a vehicle
-        // whose streams are off tells nothing.
+        // Requests for values and for message rates do not change the flight. Without the rates, a vehicle whose streams
+        // are off sends no telemetry.
         let asks = matches!(command, VehicleCommand::Interval { .. })
             || matches!(message, CommandMessage::Read(_));
         if self.config.dry_run && !asks {

@@ -11,8 +11,8 @@ const WINDOW_S: f64 = 10.0;
 /// Different texts passed on in that time: an autopilot that starts sends about ten.
 const MOST: usize = 20;
 
-/// Beginning of ArduPilot's text upon a request for a message that it does not have: the bridge itself reports once which
-/// messages do not come.
+/// Beginning of ArduPilot's answer to a request for a message that it does not have. It is not passed on, because the bridge
+/// itself reports once which messages are missing.
 const UNKNOWN_MESSAGE: &str = "No ap_message for mavlink id";
 
 /// Code of the events with such texts.

@@ -107,9 +107,9 @@ mod tests {
     use super::super::tests::plan;
     use super::*;
 
-    /// Keys and types that QGroundControl's loader requires: of the file and its mission (Developer Guide, *Plan File Format*),
-    /// of an item (MissionItem::load, SimpleMissionItem::load: all three heights or none) and of a fence
-    /// (QGCFencePolygon::loadFromJson). A null stands for a number that is none.
+    /// Checks the keys and types that QGroundControl's loader requires of the file and its mission (Developer Guide, *Plan
+    /// File Format*), of an item (MissionItem::load, SimpleMissionItem::load: all three heights or none) and of a fence
+    /// (QGCFencePolygon::loadFromJson). A null stands for NaN.
     #[test]
     fn the_plan_has_the_keys_that_a_loader_requires() {
         let read: Value = serde_json::from_str(&encode(&plan(), Heights::TakeOff)).unwrap();

@@ -11,7 +11,7 @@ const PAYLOAD: (u8, u8) = (66, 0);
 const TURN_M: f64 = 2.0;
 /// Highest speed on the way to the first place, m/s (*waylines.wpml*, globalTransitionalSpeed).
 const TRANSITION_MAX_M_S: f64 = 15.0;
-/// Lowest and highest height to which the aircraft climbs first, m (the same, takeOffSecurityHeight).
+/// Range of the height to which the aircraft climbs first, m (*waylines.wpml*, takeOffSecurityHeight).
 const TAKE_OFF_M: (f64, f64) = (2.0, 1500.0);
 
 /// `template.kml` and `waylines.wpml`.
@@ -83,7 +83,7 @@ pub(super) fn encode(plan: &FlightPlan, made_ms: u64) -> [String; 2] {
 const HEADING: &str = "<wpml:waypointHeadingParam><wpml:waypointHeadingMode>followWayline</wpml:waypointHeadingMode>\
     <wpml:waypointHeadingPathMode>followBadArc</wpml:waypointHeadingPathMode></wpml:waypointHeadingParam>\n";
 
-/// The aircraft waits at the place with this number.
+/// The action group by which the aircraft waits at the place with this index.
 fn wait(index: usize) -> String {
     format!(
         "<wpml:actionGroup><wpml:actionGroupId>{index}</wpml:actionGroupId>\
@@ -97,8 +97,8 @@ fn wait(index: usize) -> String {
     )
 }
 
-/// What is to be done before, after, and when the remote control is lost: it comes home at its greatest height. The place
-/// of take-off is left out: it would need its height above the ellipsoid.
+/// The settings of the mission: take-off, the way to the first place, and the return home at the plan's greatest height, at
+/// the end or when the remote control is lost. Omits the place of take-off, which needs a height above the ellipsoid.
 fn mission_config(plan: &FlightPlan, highest_m: f64) -> String {
     let (low_m, high_m) = TAKE_OFF_M;
     let up = plan.take_off_height_m.clamp(low_m, high_m);
@@ -133,8 +133,9 @@ mod tests {
     use super::super::tests::plan;
     use super::*;
 
-    /// The elements that DJI's Cloud API requires of the parents that a waypoint route has, by its tables in *Template.kml*,
-    /// *Waylines.wpml* and *Common Elements* (docs/en/60.api-reference/00.dji-wpml of dji-sdk/Cloud-API-Doc).
+    /// Each parent element of a waypoint route, with the children that DJI's Cloud API requires in the template and in the
+    /// waylines (*Template.kml*, *Waylines.wpml* and *Common Elements* in docs/en/60.api-reference/00.dji-wpml of
+    /// dji-sdk/Cloud-API-Doc).
     const CONFIG: [&str; 8] = [
         "flyToWaylineMode",
         "finishAction",
@@ -347,17 +348,17 @@ mod tests {
                 document.find("coordinates")[1].text,
                 "-7.86000000,43.44010000"
             );
-            // A place at which it stops has a wait, another one has none.
+            // Only places at which the aircraft stops have a wait.
             let waits = |e: &Element| e.find("hoverTime").len();
             let waits: Vec<usize> = document.find("Placemark").into_iter().map(waits).collect();
             assert_eq!(waits, [1, 0, 1]);
-            // Its height would be one above the ellipsoid.
+            // A plan does not know its height above the ellipsoid.
             assert!(document.find("takeOffRefPoint").is_empty());
         }
         let waylines = Element::parse(&texts[1]);
         let number = |name: &str, at: usize| waylines.find(name)[at].text.parse::<f64>().unwrap();
         assert_eq!(number("executeHeight", 1), 40.0);
-        // It comes home above all its places: 390 m above the sea, 340 m at home.
+        // It returns at the height of its highest place: 390 m above the sea, 340 m at home.
         assert_eq!(number("globalRTHHeight", 0), 50.0);
         assert_eq!(waylines.find("waypointTurnMode")[1].text, "coordinateTurn");
     }

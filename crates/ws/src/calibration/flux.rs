@@ -1,9 +1,9 @@
-//! What the sources emit: by the corrected model, by the balance of mass of passes, and by both.
+//! Emission rates of the sources: by the fit to all readings, by the mass balance of passes, and by both.
 //!
-//! Where the air is unsteady, the fit of single readings hardly tells how strong and how high the mean plume is, and passes
-//! do: what each carries through a metre of height, at several heights, with an axis that wanders up and down
-//! ([`study::pass_rate`]). There their rate and σz replace those of the fit, beside what the scenario says of the strength;
-//! c_MAX, peak and rate follow together.
+//! In unsteady air the fit of single readings hardly determines strength and vertical spread of the mean plume. The plume
+//! integrals of passes at several heights do, with an axis that wanders up and down ([`study::pass_rate`]). There rate and
+//! σz by the passes, with the scenario's prior of the strength, replace those of the fit. c_MAX, peak and rate of the
+//! corrected model all follow from them.
 
 use super::Calibrator;
 use air::wind::WindVector;
@@ -15,14 +15,14 @@ use study::Interval;
 use study::combine::{AGREEMENT_P, agreement_p, of_one_record};
 use study::pass_rate::{PassPlume, PassRate, SourcePlume, Weighing, rate_by_passes};
 
-/// Nothing is known of an unknown whose standard deviation is so many times that of the scenario.
+/// A standard deviation of so many times that of the scenario leaves an unknown practically free.
 const NOTHING_KNOWN: f64 = 100.0;
 
 impl Calibrator {
-    /// What the sources emit, kg/s, if the wind at the scenario's reference height is `wind_m_s`: first what stands for the
-    /// answer. That is the rate of the stated model where passes were taken into it; else, where fit and balance of mass
-    /// agree, their mean, with the interval of the narrower one, since both read the same eddies; else, of one source, the
-    /// balance, which needs no model of the plume's strength.
+    /// The emission rates, kg/s, if the wind at the scenario's reference height is `wind_m_s`. The first one is the answer.
+    /// Where fit and mass balance agree, it is the rate of the corrected model if that includes the passes, else the mean of
+    /// both methods, with the interval of the narrower one, since both sample the same eddies. Where they disagree, it is
+    /// the mass balance of one source, which needs no model of the plume's strength, and the fit of several.
     pub fn fluxes(&self, wind_m_s: Estimate) -> Vec<Flux> {
         let flux = |method, source, kg_s| Flux {
             source,
@@ -69,14 +69,14 @@ impl Calibrator {
         both.map(estimate)
     }
 
-    /// What each source of the sensor's gas emits by the corrected model, kg/s, by name: readings tell the ratio of emission
-    /// to wind.
+    /// The emission rate of each source of the sensor's gas by the corrected model, kg/s, with its name. Readings determine
+    /// the ratio of emission to wind.
     pub fn flux(&self, wind_m_s: Estimate) -> Vec<(String, Estimate)> {
         let (at, covariance) = &self.in_the_mean;
         self.unknowns.flux(&self.base, at, covariance, wind_m_s)
     }
 
-    /// What they emit together.
+    /// The rate of all sources together at these unknowns, kg/s.
     fn in_all(
         &self,
         (at, covariance): &(DVector<f64>, DMatrix<f64>),
@@ -89,8 +89,8 @@ impl Calibrator {
         is_known.then(|| Interval::of_mean(all.value, all.sd))
     }
 
-    /// The unknowns with rate and vertical spread by passes where the plume meanders; none elsewhere, and where several
-    /// sources emit otherwise by the fit than by passes.
+    /// The unknowns with rate and vertical spread by the passes. None where the plume does not meander, and where fit and
+    /// passes disagree on the rate of several sources.
     pub(super) fn with_passes(&self) -> Option<(DVector<f64>, DMatrix<f64>)> {
         self.meander?;
         let passes = self.passes.as_ref()?;
@@ -118,7 +118,7 @@ impl Calibrator {
         let mut slopes = DMatrix::zeros(2, at.len());
         slopes.set_row(0, &slope.transpose());
         slopes[(1, spread)] = 1.0;
-        // Both count from the scenario's spread.
+        // Both deviations of σz count from the scenario's.
         let off = Vector2::from(passes.mean) - Vector2::new(ln_kg_s, 0.0);
         let known = &slopes * &covariance * slopes.transpose()
             + DMatrix::from_fn(2, 2, |i, j| passes.covariance[i][j]);
@@ -128,9 +128,9 @@ impl Calibrator {
         Some((at, 0.5 * (&covariance + covariance.transpose())))
     }
 
-    /// What passes tell of rate and vertical spread, above the background of the corrected model, in the scenario's wind
-    /// speed; none where too few cross the plume. Their height begins where the corrected plume has it, since passes are
-    /// laid about that, and their spread where the scenario has it.
+    /// Rate and vertical spread by the passes, above the background of the corrected model, at the scenario's wind speed. None
+    /// where too few passes cross the plume. The prior of the height is that of the corrected plume, about which passes
+    /// are flown; the prior of the spread is the scenario's.
     pub(super) fn pass_rate(&self) -> Option<PassRate> {
         let base = &self.base;
         let (samples, background_sd_ppm) = self.excess_samples()?;

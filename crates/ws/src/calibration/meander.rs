@@ -24,8 +24,8 @@ const WORTH: f64 = 2.0;
 /// What a normal distribution holds below two standard deviations.
 const WITHIN_2_SD: f64 = 0.977_25;
 
-/// A plume meanders whose axis wanders within a crossing by this part of its width or more, however few crossings show it:
-/// a fit to a steady plume leaves 1 %, one to a plume in unsteady air 8 % to 20 %.
+/// A plume meanders if its axis wanders within a crossing by this part of its width or more, however few crossings show it.
+/// A fit leaves 1 % in steady air, 8 % to 20 % in unsteady air.
 const WANDERS: f64 = 0.03;
 
 /// A slope that is not zero by so many standard deviations is a wind that turns.
@@ -142,7 +142,7 @@ impl Meander {
         let own = (known - predicted.mean_axis_sd_deg().powi(2)).max(0.0);
         // What wanders within a crossing is no turn of it, and of the mean spread all the same.
         let seen = (seen + own + predicted.wander_deg().powi(2)) / width_deg.powi(2);
-        // Crossings that lie off their line by no more than they are known for, each by itself, may be those of a steady plume.
+        // The plume may be steady if crossings deviate from their line by no more than the error of each by itself.
         let off = line.rms_off_deg();
         let is_steady = off.powi(2) <= own && predicted.wander_deg() < WANDERS * width_deg;
         let is_followed = off > width_deg;

@@ -78,7 +78,7 @@ pub struct Calibrator {
     turn: Option<infer::Estimate>,
     /// The estimate and its covariance in the mean over meanders, by the fit alone.
     by_fit: (DVector<f64>, DMatrix<f64>),
-    /// What passes tell of rate and vertical spread; none where too few cross the plume.
+    /// Rate and vertical spread by the passes; none where too few cross the plume.
     passes: Option<PassRate>,
     /// The estimate and its covariance in the mean over meanders.
     in_the_mean: (DVector<f64>, DMatrix<f64>),

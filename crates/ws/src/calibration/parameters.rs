@@ -285,7 +285,7 @@ impl Unknowns {
         in_wind(self.of_model(base, at, covariance, &per_m_s(all)), wind_m_s)
     }
 
-    /// ln of what all of them emit, kg/s, in the scenario's wind, and its slopes.
+    /// ln of the emission of all sources, kg/s, in the scenario's wind, and its derivatives by the unknowns.
     pub fn ln_flux(
         &self,
         base: &DispersionSpec,
@@ -324,7 +324,7 @@ impl Unknowns {
         }
     }
 
-    /// What `value` is of the model at these values, and its slopes, by differences of a part of each standard deviation.
+    /// `value` of the model at these unknowns, and its derivatives, by differences over a part of each standard deviation.
     fn linearised(
         &self,
         base: &DispersionSpec,

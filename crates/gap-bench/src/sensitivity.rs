@@ -88,7 +88,6 @@ fn numbers() -> Vec<Number> {
         beam_nats,
         doubted,
         departs_sd,
-        moving_axis_deg,
         rest_nats,
         rest_alone_nats,
         most_candidates,

@@ -417,20 +417,9 @@ impl Policy {
         })
     }
 
-    /// Limits sizes to the tolerated ones: no discrepancy except a slow change of strength, and an axis drift of about the
-    /// tolerated wander. Where the axis lies still, the strength may change as little as the wind speed does. Where the axis
-    /// drifts or wanders, the same eddies raise and lower the plume, so readings grow and shrink by turns (Gifford 1959).
-    /// Displacements as large as the plume change the strength by 0.4 of its mean.
-    pub(crate) fn tolerated_sizes(&self, sizes: &Sizes, wander_deg: f64) -> Sizes {
-        let mut tolerated = self.tolerated_sizes_in_still_air(sizes);
-        if sizes[AXIS_DRIFT] > 0.0 || wander_deg > self.moving_axis_deg {
-            tolerated[TIME] = sizes[TIME].min(self.discrepancy_sizes[1]);
-        }
-        tolerated
-    }
-
-    /// Limits sizes to those tolerated where the axis lies still.
-    pub(crate) fn tolerated_sizes_in_still_air(&self, sizes: &Sizes) -> Sizes {
+    /// Limits sizes to the tolerated ones: no discrepancy except a slow change of strength, such as that of the wind speed,
+    /// and an axis drift of about the tolerated wander.
+    pub(crate) fn tolerated_sizes(&self, sizes: &Sizes) -> Sizes {
         std::array::from_fn(|k| match k {
             AXIS_DRIFT => {
                 sizes[k].min(self.nearest_axis_drift_deg(self.noise_tolerated.wander_deg))

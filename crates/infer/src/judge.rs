@@ -265,9 +265,7 @@ impl Question<'_> {
     /// The freedom that alone recovers most of the evidence above ordinary air.
     fn rest_kind<M: Catalogue>(&self, set: &FittedSet<M>) -> Result<RestKind, InferError> {
         let found = set.likeliest_sizes();
-        let ordinary = self
-            .policy
-            .tolerated_sizes(&found, set.fit().noise.wander_deg);
+        let ordinary = self.policy.tolerated_sizes(&found);
         let mut swinging = ordinary;
         swinging[AXIS_DRIFT] = found[AXIS_DRIFT];
         let mut formed = found;

@@ -272,22 +272,11 @@ impl<'a> Question<'a> {
     /// # Errors
     /// Values that the model refuses.
     pub fn plain<M: Catalogue>(&self, of: &FittedSet<M>) -> Result<FittedSet<M>, InferError> {
-        let found = of.likeliest_sizes();
-        let ordinary = self
-            .policy
-            .tolerated_sizes(&found, of.fit().noise.wander_deg);
-        let plain = self.restricted(of, &ordinary, false)?;
-        let still = self.policy.tolerated_sizes_in_still_air(&found);
-        if still == ordinary {
-            return Ok(plain);
-        }
-        // A search with more freedom may end at a lower score: the better of both fits counts.
-        let still = self.restricted(of, &still, false)?;
-        Ok(if still.ln_score() > plain.ln_score() {
-            still
-        } else {
-            plain
-        })
+        self.restricted(
+            of,
+            &self.policy.tolerated_sizes(&of.likeliest_sizes()),
+            false,
+        )
     }
 
     /// The same set with log-normal fluctuation of at most the tolerated size, starting from the fit of a normal one.

@@ -57,9 +57,6 @@ pub struct Policy {
     /// wanders by some degrees about a wind that is logged elsewhere (σθ of a neutral layer is 10°: Pasquill 1961). Up and
     /// down it wanders by at most half of the variance of the mean plume, of which meander is a part (Gifford 1959).
     pub noise_tolerated: Noise,
-    /// Wander of the axis beyond which the air counts as unsteady, degrees. A fit leaves some hundredths of a degree in steady
-    /// air, half a degree and more in unsteady air.
-    pub moving_axis_deg: f64,
     /// About how many passes a record is cut into.
     pub passes: usize,
     /// An innovation beyond this many standard deviations is a spike where it is short: one in
@@ -149,7 +146,6 @@ impl Default for Policy {
                 wander_s: f64::INFINITY,
                 wander_sigma_z: 0.7,
             },
-            moving_axis_deg: 0.3,
             passes: 16,
             spike_sd: 4.0,
             spike_part_of_crossing: 0.5,

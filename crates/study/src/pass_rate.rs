@@ -286,24 +286,60 @@ mod tests {
         (1100.0, 480.0),
     ];
 
-    fn weighed(samples: &[Sample], background_sd_ppm: f64) -> Option<Interval> {
-        let source = SourcePlume {
+    /// One source, of whose plume the axis is supposed here.
+    fn source(axis_agl_m: f64) -> SourcePlume {
+        SourcePlume {
             share: 1.0,
-            axis_agl_m: 500.0,
+            axis_agl_m,
             downwind_m: 0.0,
-        };
-        let plume = PassPlume {
-            sources: &[source],
+        }
+    }
+
+    /// What is supposed of plume and background beside the sources.
+    struct Supposed {
+        axis_sd_m: f64,
+        /// σz over the true one.
+        sigma_z_factor: f64,
+        sigma_z_ln_sd: f64,
+        background_sd_ppm: f64,
+    }
+
+    impl Supposed {
+        /// An uncertain axis, with the true σz and background.
+        const AXIS_UNCERTAIN: Self = Self {
             axis_sd_m: 50.0,
-            sigma_z_m: &|distance_m| 1.25 * SIGMA_Z_PER_M * distance_m,
+            sigma_z_factor: 1.0,
             sigma_z_ln_sd: 0.3,
-            reflects: false,
+            background_sd_ppm: 0.0,
         };
-        let weighing = Weighing {
-            noise_sd_ppm: 3.0,
+        const AXIS_KNOWN: Self = Self {
+            axis_sd_m: 1.0,
+            ..Self::AXIS_UNCERTAIN
+        };
+
+        fn rate(&self, samples: &[Sample], sources: &[SourcePlume]) -> Option<PassRate> {
+            let plume = PassPlume {
+                sources,
+                axis_sd_m: self.axis_sd_m,
+                sigma_z_m: &|distance_m| self.sigma_z_factor * SIGMA_Z_PER_M * distance_m,
+                sigma_z_ln_sd: self.sigma_z_ln_sd,
+                reflects: false,
+            };
+            let weighing = Weighing {
+                noise_sd_ppm: 3.0,
+                background_sd_ppm: self.background_sd_ppm,
+            };
+            rate_by_passes(samples, &site(), plume, &wind, weighing)
+        }
+    }
+
+    fn weighed(samples: &[Sample], background_sd_ppm: f64) -> Option<Interval> {
+        let supposed = Supposed {
+            sigma_z_factor: 1.25,
             background_sd_ppm,
+            ..Supposed::AXIS_UNCERTAIN
         };
-        let rate = rate_by_passes(samples, &site(), plume, &wind, weighing);
+        let rate = supposed.rate(samples, &[source(500.0)]);
         rate.map(|r| r.kg_s(1.0, 0.03))
     }
 
@@ -324,29 +360,22 @@ mod tests {
         for (sample, other) in both.iter_mut().zip(flown(&low, 0.25 * Q_KG_S)) {
             sample.ppm += other.ppm;
         }
-        let source = |share, axis_agl_m, downwind_m| SourcePlume {
-            share,
-            axis_agl_m,
-            downwind_m,
-        };
         let plume = |sources: &[SourcePlume]| {
-            let plume = PassPlume {
-                sources,
-                axis_sd_m: 50.0,
-                sigma_z_m: &|distance_m| SIGMA_Z_PER_M * distance_m,
-                sigma_z_ln_sd: 0.3,
-                reflects: false,
-            };
-            let weighing = Weighing {
-                noise_sd_ppm: 3.0,
-                background_sd_ppm: 0.0,
-            };
-            let rate = rate_by_passes(&both, &site(), plume, &wind, weighing);
+            let rate = Supposed::AXIS_UNCERTAIN.rate(&both, sources);
             rate.unwrap().kg_s(1.0, 0.03)
         };
-        let rate = plume(&[source(0.75, 520.0, 0.0), source(0.25, 320.0, 400.0)]);
+        let upper = SourcePlume {
+            share: 0.75,
+            ..source(520.0)
+        };
+        let lower = SourcePlume {
+            share: 0.25,
+            downwind_m: 400.0,
+            ..source(320.0)
+        };
+        let rate = plume(&[upper, lower]);
         assert!((rate.value / Q_KG_S - 1.0).abs() < 0.1, "{rate:?}");
-        let alone = plume(&[source(1.0, 520.0, 0.0)]);
+        let alone = plume(&[source(520.0)]);
         assert!(alone.value < 0.85 * Q_KG_S, "{alone:?}");
     }
 
@@ -363,23 +392,11 @@ mod tests {
             pass.iter_mut().for_each(|s| s.time_s += 400.0 * k as f64);
             samples.extend(pass);
         }
-        let source = SourcePlume {
-            share: 1.0,
-            axis_agl_m: AXIS_AGL_M,
-            downwind_m: 0.0,
-        };
-        let plume = PassPlume {
-            sources: &[source],
-            axis_sd_m: 1.0,
-            sigma_z_m: &|distance_m| SIGMA_Z_PER_M * distance_m,
+        let supposed = Supposed {
             sigma_z_ln_sd: 0.01,
-            reflects: false,
+            ..Supposed::AXIS_KNOWN
         };
-        let weighing = Weighing {
-            noise_sd_ppm: 3.0,
-            background_sd_ppm: 0.0,
-        };
-        let rate = rate_by_passes(&samples, &site(), plume, &wind, weighing);
+        let rate = supposed.rate(&samples, &[source(AXIS_AGL_M)]);
         let rate = rate.unwrap().kg_s(1.0, 0.0);
         assert!((rate.value / Q_KG_S - 1.0).abs() < 0.1, "{rate:?}");
     }
@@ -387,24 +404,9 @@ mod tests {
     /// Passes across the axis determine Q/σz better than Q, so the errors of both are correlated.
     #[test]
     fn rate_and_spread_err_together() {
-        let source = SourcePlume {
-            share: 1.0,
-            axis_agl_m: AXIS_AGL_M,
-            downwind_m: 0.0,
-        };
-        let plume = PassPlume {
-            sources: &[source],
-            axis_sd_m: 1.0,
-            sigma_z_m: &|distance_m| SIGMA_Z_PER_M * distance_m,
-            sigma_z_ln_sd: 0.3,
-            reflects: false,
-        };
-        let weighing = Weighing {
-            noise_sd_ppm: 3.0,
-            background_sd_ppm: 0.0,
-        };
         let samples = flown(&[(1100.0, AXIS_AGL_M); 8], Q_KG_S);
-        let found = rate_by_passes(&samples, &site(), plume, &wind, weighing).unwrap();
+        let found = Supposed::AXIS_KNOWN.rate(&samples, &[source(AXIS_AGL_M)]);
+        let found = found.unwrap();
         let [[rate, both], [_, spread]] = found.covariance;
         assert!(both > 0.0 && both * both < rate * spread, "{found:?}");
         assert!(rate + spread - 2.0 * both < rate, "{found:?}");

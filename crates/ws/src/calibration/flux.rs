@@ -41,7 +41,7 @@ impl Calibrator {
         let balance = passes.kg_s(faster, wind_m_s.sd / wind_m_s.value);
         let names = self
             .unknowns
-            .source_names(&self.base, &self.in_the_mean.0)
+            .source_names(&self.base, &self.in_the_mean().0)
             .join(Flux::AND);
         let weighed = flux(FluxMethod::MassBalance, names.clone(), estimate(balance));
         match self.combined(balance, wind_m_s) {
@@ -61,8 +61,8 @@ impl Calibrator {
         let fit = self.in_all(&self.by_fit, wind_m_s)?;
         let both = if !agree(fit, balance) {
             None
-        } else if self.with_passes().is_some() {
-            self.in_all(&self.in_the_mean, wind_m_s)
+        } else if let Some(with_passes) = &self.with_passes {
+            self.in_all(with_passes, wind_m_s)
         } else {
             of_one_record(&[fit, balance])
         };
@@ -72,7 +72,7 @@ impl Calibrator {
     /// The emission rate of each source of the sensor's gas by the corrected model, kg/s, with its name. Readings determine
     /// the ratio of emission to wind.
     pub fn flux(&self, wind_m_s: Estimate) -> Vec<(String, Estimate)> {
-        let (at, covariance) = &self.in_the_mean;
+        let (at, covariance) = self.in_the_mean();
         self.unknowns.flux(&self.base, at, covariance, wind_m_s)
     }
 
@@ -91,7 +91,7 @@ impl Calibrator {
 
     /// The unknowns with rate and vertical spread by the passes. None where the plume does not meander, and where fit and
     /// passes disagree on the rate of several sources.
-    pub(super) fn with_passes(&self) -> Option<(DVector<f64>, DMatrix<f64>)> {
+    pub(super) fn including_passes(&self) -> Option<(DVector<f64>, DMatrix<f64>)> {
         self.meander?;
         let passes = self.passes.as_ref()?;
         let [strength, spread] = [MechanismId::EmissionScale, MechanismId::SigmaZScale]

@@ -80,8 +80,8 @@ pub struct Calibrator {
     by_fit: (DVector<f64>, DMatrix<f64>),
     /// Rate and vertical spread by the passes; none where too few cross the plume.
     passes: Option<PassRate>,
-    /// The estimate and its covariance in the mean over meanders.
-    in_the_mean: (DVector<f64>, DMatrix<f64>),
+    /// The estimate and its covariance that include the passes; none where they do not.
+    with_passes: Option<(DVector<f64>, DMatrix<f64>)>,
     /// Rows that there were at the last fit.
     fitted_rows: usize,
     posterior: Option<Posterior>,
@@ -117,7 +117,7 @@ impl Calibrator {
         Ok(Self {
             by_fit: (estimate.clone(), covariance.clone()),
             passes: None,
-            in_the_mean: (estimate.clone(), covariance.clone()),
+            with_passes: None,
             beforehand: covariance.diagonal(),
             estimate,
             covariance,
@@ -201,12 +201,12 @@ impl Calibrator {
 
     /// The corrected unknowns that no key of a scenario holds, as mechanisms in the order in which they act.
     pub fn beside_keys(&self) -> Vec<plume::Mechanism> {
-        self.unknowns.beside_keys(&self.in_the_mean.0)
+        self.unknowns.beside_keys(&self.in_the_mean().0)
     }
 
     /// What the sensor of a platform reads in clean air, ppm, where it has a zero of its own.
     pub fn zero_ppm(&self, platform: usize) -> Option<Estimate> {
-        let (at, covariance) = &self.in_the_mean;
+        let (at, covariance) = self.in_the_mean();
         let zero = self
             .unknowns
             .index(MechanismId::SensorOffset, Some(platform))?;
@@ -279,7 +279,8 @@ impl Calibrator {
             variances.view_mut((0, 0), shape).copy_from(&known);
             (all, variances)
         };
-        self.in_the_mean = with_priors(&self.in_the_mean.0, &self.in_the_mean.1);
+        let with_passes = self.with_passes.as_ref();
+        self.with_passes = with_passes.map(|(at, covariance)| with_priors(at, covariance));
         self.by_fit = with_priors(&self.by_fit.0, &self.by_fit.1);
         (self.estimate, self.covariance) = with_priors(&self.estimate, &self.covariance);
         self.posterior = None;
@@ -287,7 +288,7 @@ impl Calibrator {
 
     /// Sources beside the scenario's, as they are believed to be.
     pub fn added_sources(&self) -> Vec<plume::Mechanism> {
-        self.unknowns.added_sources_at(&self.in_the_mean.0)
+        self.unknowns.added_sources_at(&self.in_the_mean().0)
     }
 
     /// Whether there is so much more to fit than at the last fit that a correction is worth its time.
@@ -410,11 +411,10 @@ impl Calibrator {
         self.posterior = Some(posterior);
         self.turn = self.mean_turn();
         self.by_fit = self.averaged();
-        self.in_the_mean = self.by_fit.clone();
+        // Passes are read above the background of the fit.
+        self.with_passes = None;
         self.passes = self.pass_rate();
-        if let Some(with_passes) = self.with_passes() {
-            self.in_the_mean = with_passes;
-        }
+        self.with_passes = self.including_passes();
         Ok(())
     }
 
@@ -574,7 +574,12 @@ impl Calibrator {
 
     /// The corrected model in the mean over meanders.
     pub fn corrected_spec(&self) -> DispersionSpec {
-        self.unknowns.folded(&self.base, &self.in_the_mean.0)
+        self.unknowns.folded(&self.base, &self.in_the_mean().0)
+    }
+
+    /// The estimate and its covariance in the mean over meanders.
+    fn in_the_mean(&self) -> &(DVector<f64>, DMatrix<f64>) {
+        self.with_passes.as_ref().unwrap_or(&self.by_fit)
     }
 
     /// The unknowns in the mean over meanders, with what the scenario says of them beforehand.
@@ -627,19 +632,19 @@ impl Calibrator {
 
     /// How far the wind is turned clockwise from the scenario's, degrees.
     pub fn turn_deg(&self) -> f64 {
-        self.axis_index().map_or(0.0, |k| self.in_the_mean.0[k])
+        self.axis_index().map_or(0.0, |k| self.in_the_mean().0[k])
     }
 
     /// The corrected parameters with their standard deviations.
     pub fn calibrated(&self) -> Calibrated {
-        let (at, covariance) = &self.in_the_mean;
+        let (at, covariance) = self.in_the_mean();
         self.unknowns.calibrated(&self.base, at, covariance)
     }
 
     /// Value and standard deviation of a mechanism's parameter that is unknown, of one platform's sensor or
     /// of all.
     pub fn parameter(&self, id: MechanismId, platform: Option<usize>) -> Option<Estimate> {
-        let (at, covariance) = &self.in_the_mean;
+        let (at, covariance) = self.in_the_mean();
         self.unknowns.parameter((id, platform), at, covariance)
     }
 }

@@ -308,7 +308,7 @@ impl Calibrator {
     }
 
     fn peak_in_the_mean(&self, airspace: &Airspace) -> Option<(Peak, String)> {
-        let (at, covariance) = &self.in_the_mean;
+        let (at, covariance) = self.in_the_mean();
         let time_s = self.stated_s();
         let highest = |at: &DVector<f64>| -> Option<(Position, f64, f64)> {
             let model = DispersionModel::new(self.unknowns.folded(&self.base, at)).ok()?;

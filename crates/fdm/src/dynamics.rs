@@ -5,6 +5,8 @@ use air::STANDARD_GRAVITY_M_S2;
 
 use crate::aircraft::{Aircraft, MassProperties};
 use crate::scalar::{angle, bounded, larger};
+use crate::shared::shared;
+use std::sync::Arc;
 
 /// Airspeed below which the dimensionless rates stop growing, m/s.
 const AIRSPEED_FLOOR_M_S: f64 = 1.0;
@@ -18,7 +20,7 @@ const STALL_BLEND_RAD: f64 = 0.17;
 /// An aircraft's constants in the form in which the equations use them (SI, radians).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dynamics {
-    pub(crate) aircraft: Aircraft,
+    pub(crate) aircraft: Arc<Aircraft>,
     inverse_mass: f64,
     inertia: Inertia,
     induced: f64,
@@ -294,7 +296,7 @@ impl Dynamics {
     /// Prepares the constants of a checked aircraft.
     pub fn new(aircraft: &Aircraft) -> Self {
         Self {
-            aircraft: aircraft.clone(),
+            aircraft: shared(aircraft),
             inverse_mass: 1.0 / aircraft.body.mass_kg,
             inertia: Inertia::of(&aircraft.body),
             induced: induced_drag_factor(aircraft),

@@ -58,6 +58,7 @@ mod piloted;
 mod range;
 mod scalar;
 pub mod servo;
+mod shared;
 pub mod state;
 pub mod trim;
 pub mod tune;

@@ -79,8 +79,13 @@ impl Bounds {
     /// may have to take off and land beyond it.
     pub fn is_outside(&self, at: Enu, alt_amsl_m: f64, inside_m: f64) -> bool {
         let too_high = alt_amsl_m > self.ceiling_amsl_m + ABOVE_CEILING_M - inside_m;
-        let beyond = area::clearance_m(&self.fence, at) < inside_m
-            && at.distance_m(self.home) > HOME_M - inside_m;
+        // Each vehicle asks in each tick, mostly without a margin: the distance from the edges is then not needed.
+        let outside = if inside_m == 0.0 {
+            !area::is_inside(&self.fence, at)
+        } else {
+            area::clearance_m(&self.fence, at) < inside_m
+        };
+        let beyond = outside && at.distance_m(self.home) > HOME_M - inside_m;
         too_high || beyond
     }
 }

@@ -6,6 +6,8 @@ use air::STANDARD_GRAVITY_M_S2;
 use super::sensed::Sensed;
 use crate::aircraft::{Aircraft, PropellerLaw};
 use crate::dynamics::induced_drag_factor;
+use crate::shared::shared;
+use std::sync::Arc;
 
 /// Airspeed below which the loops' gains stop growing, as a share of the lowest flying speed.
 const GAIN_FLOOR: f64 = 0.6;
@@ -15,7 +17,7 @@ const STALL_RESERVE_RAD: f64 = 0.03;
 /// Constants of one aircraft.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Plant {
-    aircraft: Aircraft,
+    aircraft: Arc<Aircraft>,
     weight_n: f64,
     /// Determinant of (CLα, CLδ; Cmα, Cmδ).
     det: f64,
@@ -69,7 +71,7 @@ impl Plant {
             elevator_high: high,
             aileron_high: high.min(-low),
             has_rudder: aircraft.has_rudder(),
-            aircraft: aircraft.clone(),
+            aircraft: shared(aircraft),
         }
     }
 

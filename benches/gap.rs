@@ -73,6 +73,7 @@ fn observations(setup: &Setup, seconds: usize) -> Observations {
                 sd_ppm: None,
                 averaging_s: None,
                 line_end: None,
+                spread_s: 0.0,
             });
         }
     }

@@ -67,6 +67,7 @@
 //!         sd_ppm: None,
 //!         averaging_s: None,
 //!         line_end: None,
+//!         spread_s: 0.0,
 //!     }
 //! });
 //! let observations = Observations {

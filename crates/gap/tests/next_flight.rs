@@ -55,6 +55,7 @@ fn flown(next: &NextFlight, (id, p): (&str, &[(&str, f64)]), seed: u64) -> Vec<O
                 sd_ppm: None,
                 averaging_s: None,
                 line_end: None,
+                spread_s: 0.0,
             });
         }
     }

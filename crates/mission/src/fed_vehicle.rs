@@ -238,6 +238,7 @@ mod tests {
             sd_ppm: None,
             averaging_s: None,
             line_end: None,
+            spread_s: 0.0,
         }
     }
 

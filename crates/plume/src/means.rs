@@ -21,6 +21,8 @@ pub struct Span {
     pub averaging_s: f64,
     /// The other end of a line that begins at the row's place; none for a point.
     pub to: Option<Place>,
+    /// Standard deviation of the times of the readings whose plain mean, at their mean time, the row is, s; 0 of one.
+    pub spread_s: f64,
 }
 
 impl Span {

@@ -38,7 +38,13 @@ pub struct Track {
     classes: Option<Arc<[Stability]>>,
     /// What readings are means over, where some are.
     means: Option<Box<Means>>,
+    /// [`Span::spread_s`] of each row, where some row is the mean of several readings.
+    spread_s: Option<Arc<[f64]>>,
 }
+
+/// Longest step from a row to its neighbours over which their values show how the reading curves, s: rows of one second,
+/// with one missing.
+const MAX_SPREAD_STEP_S: f64 = 2.0;
 
 impl Track {
     /// A track from rows that stand platform by platform, each in order of time. The logged
@@ -70,6 +76,7 @@ impl Track {
             air: rows.iter().map(|r| r.air).collect(),
             classes: None,
             means: None,
+            spread_s: None,
         })
     }
 
@@ -84,7 +91,7 @@ impl Track {
         rows: &[Row],
         spans: &[Span],
     ) -> Result<Self, PlumeError> {
-        let is_known = |s: &Span| s.averaging_s.is_finite();
+        let is_known = |s: &Span| s.averaging_s.is_finite() && s.spread_s.is_finite();
         if spans.len() != rows.len() || !spans.iter().all(is_known) {
             return Err(PlumeError::Shape {
                 what: "observation track",
@@ -92,7 +99,10 @@ impl Track {
             });
         }
         if spans.iter().all(Span::is_a_point) {
-            return Self::new(model, platforms, rows);
+            let mut track = Self::new(model, platforms, rows)?;
+            let is_spread = spans.iter().any(|s| s.spread_s > 0.0);
+            track.spread_s = is_spread.then(|| spans.iter().map(|s| s.spread_s).collect());
+            return Ok(track);
         }
         ranges(platforms.len(), rows)?;
         let mut track = Self::new(model, platforms, &middles(rows, spans))?;
@@ -274,6 +284,7 @@ impl Track {
                 let part = &mut parts[range.clone()];
                 part.copy_from_slice(excess);
                 self.lag(&effects, which, part, &between);
+                self.spread(range.clone(), part);
                 part.iter_mut().for_each(|p| *p *= effects.gain);
             }
             for (i, value) in range.clone().zip(excess.iter_mut()) {
@@ -284,6 +295,7 @@ impl Track {
                 *value += model.background_ppm(&place, point.time_s);
             }
             self.lag(&effects, which, excess, &between);
+            self.spread(range.clone(), excess);
             self.convert(&effects, range.clone(), excess);
         }
     }
@@ -426,6 +438,31 @@ impl Track {
         let points = self.samples.of(which).zip(shown);
         for ((_, shown), value) in points.filter(|(s, _)| s.is_row()).zip(values) {
             *value = shown;
+        }
+    }
+
+    /// Replaces the values of moments by means over readings about them, to second order: their variance in time times half
+    /// the curvature of a parabola through three rows. A plume that a vehicle crosses in some seconds is otherwise
+    /// estimated too wide by the path of a second.
+    fn spread(&self, range: Range<usize>, values: &mut [f64]) {
+        let Some(spread_s) = &self.spread_s else {
+            return;
+        };
+        let time_s = &self.time_s[range.clone()];
+        let spread_s = &spread_s[range];
+        let mut before = values.first().copied().unwrap_or_default();
+        for k in 1..values.len().saturating_sub(1) {
+            let value = values[k];
+            let steps_s = [time_s[k] - time_s[k - 1], time_s[k + 1] - time_s[k]];
+            if steps_s.iter().all(|s| *s <= MAX_SPREAD_STEP_S) {
+                let slopes = [
+                    (value - before) / steps_s[0],
+                    (values[k + 1] - value) / steps_s[1],
+                ];
+                let half_curvature = (slopes[1] - slopes[0]) / (steps_s[0] + steps_s[1]);
+                values[k] += spread_s[k].powi(2) * half_curvature;
+            }
+            before = value;
         }
     }
 

@@ -96,5 +96,6 @@ fn row(platform: usize, time: SimTime, reading: &Reading) -> ObservationRow {
         sd_ppm: None,
         averaging_s: None,
         line_end: None,
+        spread_s: 0.0,
     }
 }

@@ -81,6 +81,8 @@ pub struct ObservationRow {
     pub averaging_s: Option<f64>,
     /// The other end of the straight line from the row's place over which `co2_ppm` is the mean; none of a point.
     pub line_end: Option<LineEnd>,
+    /// Standard deviation of the times of the readings whose mean, at their mean time, the row is, s; 0 of one reading.
+    pub spread_s: f64,
 }
 
 /// The other end of a line over which a reading is the mean.
@@ -116,6 +118,7 @@ impl ObservationRow {
         Span {
             averaging_s: self.averaging_s.unwrap_or(0.0),
             to: self.line_end.map(end),
+            spread_s: self.spread_s,
         }
     }
 }

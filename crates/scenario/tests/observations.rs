@@ -312,6 +312,7 @@ fn observation() -> impl Strategy<Value = ObservationRow> {
             lon_deg,
             alt_amsl_m,
         }),
+        spread_s: 0.0,
     })
 }
 

@@ -94,8 +94,14 @@ fn mean(rows: &[ObservationRow]) -> Option<ObservationRow> {
         north_m_s,
     });
     let count = rows.len() as f64;
+    let time_s = all(|r| r.time_s);
+    let variance_s2 = rows
+        .iter()
+        .map(|r| (r.time_s - time_s).powi(2))
+        .sum::<f64>()
+        / count;
     Some(ObservationRow {
-        time_s: all(|r| r.time_s),
+        time_s,
         platform: first.platform,
         lat_deg: all(|r| r.lat_deg),
         lon_deg: all(|r| r.lon_deg),
@@ -110,6 +116,7 @@ fn mean(rows: &[ObservationRow]) -> Option<ObservationRow> {
         sd_ppm: known(&|r| r.sd_ppm).map(|sd| sd / count.sqrt()),
         averaging_s: None,
         line_end: None,
+        spread_s: variance_s2.sqrt(),
     })
 }
 

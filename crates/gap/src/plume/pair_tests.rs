@@ -88,6 +88,7 @@ fn made(of: Made, seed: u64) -> Observations {
                 sd_ppm: None,
                 averaging_s: None,
                 line_end: None,
+                spread_s: 0.0,
             });
         }
     }

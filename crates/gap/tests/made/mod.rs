@@ -122,6 +122,7 @@ pub fn observe_in(mechanisms: &[Hidden<'_>], seed: u64, turns_deg: f64) -> Obser
                 sd_ppm: None,
                 averaging_s: None,
                 line_end: None,
+                spread_s: 0.0,
             });
         }
     }

@@ -83,6 +83,7 @@ fn log() -> Observations {
                 sd_ppm: Some(3.0),
                 averaging_s: None,
                 line_end: None,
+                spread_s: 0.0,
             });
         }
     }

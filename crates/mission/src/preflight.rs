@@ -106,12 +106,17 @@ pub fn check(setup: &Setup) -> Result<Vec<Finding>, MissionError> {
     found.extend(starts_in_flight(setup, &airspace)?);
     found.extend(sources(&setup.scenario, &airspace)?);
     found.extend(ground(setup, &airspace)?);
+    found.extend(pressure(&setup.scenario)?);
     found.extend(room(&setup.scenario, &airspace));
     found.extend(time(&setup.scenario)?);
     Ok(found)
 }
 
-/// Whether the fence is where the sources' plumes may be.
+/// Least height of a plume, as a part of its stack's. Downwash behind the tip lowers a plume by at most three diameters (Briggs
+/// 1973, ATDL-79), and a stack is ten diameters high or more.
+const LEAST_OF_STACK: f64 = 0.7;
+
+/// Whether the sources are near the fence, and their plumes between their stacks and its ceiling.
 fn sources(scenario: &Scenario, airspace: &Airspace) -> Result<Vec<Finding>, MissionError> {
     let mut found = Vec::new();
     let world = DispersionModel::new(scenario.dispersion_spec()?).map_err(WorldError::from)?;
@@ -140,6 +145,14 @@ fn sources(scenario: &Scenario, airspace: &Airspace) -> Result<Vec<Finding>, Mis
             let verdict = if is_unreadable { refused } else { warned };
             found.push(verdict("source", words));
         }
+        if axis_m < LEAST_OF_STACK * source.stack_height_m {
+            let words = format!(
+                "the plume of {} is {axis_m:.0} m above ground, and its stack {:.0} m high. Check digits and unit of \
+                 source.effective_height_m, which counts from the ground and includes the stack",
+                source.name, source.stack_height_m
+            );
+            found.push(refused("source", words));
+        }
         if outside_m <= FARTHEST_SOURCE_M {
             continue;
         }
@@ -155,6 +168,27 @@ fn sources(scenario: &Scenario, airspace: &Airspace) -> Result<Vec<Finding>, Mis
         found.push(refused("source", words));
     }
     Ok(found)
+}
+
+/// Air pressure at sea level that has been measured on Earth, hPa: 870 in a typhoon of 1979, 1084 in Siberia in 1968 (World
+/// Meteorological Organization, archive of extremes), and some for the way from the ground to sea level.
+const SEA_LEVEL_HPA: [f64; 2] = [850.0, 1100.0];
+
+/// Whether the air pressure fits the height of the ground.
+fn pressure(scenario: &Scenario) -> Result<Option<Finding>, MissionError> {
+    let ground_m = scenario.site.ground_amsl_m;
+    let sea_level_hpa = scenario.atmosphere()?.at(0.0).pressure_pa / 100.0;
+    let [low, high] = SEA_LEVEL_HPA;
+    if (low..=high).contains(&sea_level_hpa) {
+        return Ok(None);
+    }
+    Ok(Some(refused(
+        "pressure",
+        format!(
+            "weather.pressure_hpa at site.ground_amsl_m = {ground_m} would be {sea_level_hpa:.0} hPa at sea level; expected \
+             {low:.0} to {high:.0}. Check the digits of both"
+        ),
+    )))
 }
 
 /// Whether there is time for all to rise, work and land; those that start in flight do not rise.

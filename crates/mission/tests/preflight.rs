@@ -80,6 +80,17 @@ fn a_source_that_is_nowhere_near_its_fence_is_refused() {
 }
 
 #[test]
+fn heights_that_cannot_be_are_refused() {
+    // A digit of the effective height, and one of the ground's: 974.7 hPa at 3400 m are some 1440 hPa at sea level.
+    let low = found(&[("effective_height_m = 486.0", "effective_height_m = 48.6")]);
+    let parts = ["49 m above ground", "356 m high", "effective_height_m"];
+    says(&low, Verdict::Refused, "source", &parts);
+    let high = found(&[(GROUND, "ground_amsl_m = 3400.0")]);
+    let parts = ["ground_amsl_m = 3400", "at sea level", "850 to 1100"];
+    says(&high, Verdict::Refused, "pressure", &parts);
+}
+
+#[test]
 fn batteries_and_airspeeds_are_held_against_the_mission() {
     let tired = found(&[(AIRCRAFT, "aircraft/tired.toml")]);
     says(

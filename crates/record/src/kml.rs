@@ -384,13 +384,9 @@ fn said(shown: &Shown, ppm: f64) -> String {
 }
 
 fn peak(xml: &mut Xml, shown: &Shown, peak: &Peak) -> Written {
-    let name = format!("Peak: {}", said(shown, peak.co2_ppm));
-    let description = format!(
-        "{} ppm {}, background included; {}",
-        plus_minus(peak.co2_ppm, peak.sd_ppm),
-        shown.gas.formula(),
-        peak.status.words()
-    );
+    let value = plus_minus(peak.co2_ppm, peak.sd_ppm);
+    let name = format!("Peak: {value} ppm {}", shown.gas.formula());
+    let description = format!("background included; {}", peak.status.words());
     let at = [peak.lon_deg, peak.lat_deg, peak.alt_amsl_m];
     point_placemark(xml, (&name, &description, "peak"), at, "absolute")
 }

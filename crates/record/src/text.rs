@@ -49,11 +49,19 @@ pub fn summary(summary: &MissionSummary) -> String {
     text
 }
 
+/// Vehicles listed by name in a sentence: a team of that size is still read one by one.
+const MOST_LISTED: usize = 30;
+
 /// Which vehicles of the team had not landed at the end; none where all had.
 pub fn not_landed(summary: &MissionSummary) -> Option<String> {
     let of = |outcome: Outcome| {
         let ids = summary.vehicles.iter().filter(|v| v.outcome == outcome);
-        ids.map(|v| v.id.as_str()).collect::<Vec<_>>().join(", ")
+        let ids: Vec<&str> = ids.map(|v| v.id.as_str()).collect();
+        let listed = ids[..ids.len().min(MOST_LISTED)].join(", ");
+        match ids.len().saturating_sub(MOST_LISTED) {
+            0 => listed,
+            more => format!("{listed} and {more} more"),
+        }
     };
     let said = |what: &str, ids: String| (!ids.is_empty()).then(|| format!("{what}: {ids}."));
     let airborne = said(
@@ -250,15 +258,27 @@ fn flux(flux: &FluxSummary) -> String {
     let reality = flux.truth_kg_s.map_or(String::new(), |q| {
         format!("; {} in the stand-in's reality", significant(q))
     });
-    // A rate is positive, and ± would reach below zero where it is hardly known.
-    let interval = positive_interval_95(*kg_s).map_or("unknown".to_owned(), |[low, high]| {
-        let [low, high] = [low, high].map(significant);
-        format!("95 % interval {low} to {high}")
-    });
     format!(
-        "Flux of {source}: {} kg/s ({interval}) by {method}{reality}.",
-        significant(kg_s.value)
+        "Flux of {source}: {} by {method}{reality}.",
+        emission_rate(*kg_s)
     )
+}
+
+/// An emission rate with its interval, as all outputs state it. A rate is positive, and ± would reach below zero where
+/// it is hardly known.
+pub fn emission_rate(kg_s: Estimate) -> String {
+    format!(
+        "{} kg/s (95 % interval {})",
+        significant(kg_s.value),
+        interval_of_rate(kg_s)
+    )
+}
+
+/// The 95 % interval of an emission rate, kg/s.
+pub fn interval_of_rate(kg_s: Estimate) -> String {
+    positive_interval_95(kg_s).map_or("unknown".to_owned(), |ends| {
+        ends.map(significant).join(" to ")
+    })
 }
 
 /// What real readings show of the model.

@@ -75,8 +75,8 @@ function fillModel() {
   }));
   $("taken").textContent = `${live.model.observations} real readings used`;
   $("mechanisms").textContent = live.model.mechanisms.join(" ");
-  $("flux").textContent = live.model.flux.map(([source, method, value, sd]) =>
-    `${source}: ${plusMinus(value, sd)} kg/s by ${method}`).join("; ") || "not measured yet";
+  $("flux").textContent = live.model.flux.map(([source, method, rate]) =>
+    `${source}: ${rate} by ${method}`).join("; ") || "not measured yet";
 }
 
 function fillGap() {

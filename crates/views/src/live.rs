@@ -395,7 +395,7 @@ fn model_json(model: &Model) -> Value {
         "sigma_y_scale": pair(model.sigma_y_scale),
         "sigma_z_scale": pair(model.sigma_z_scale),
         "flux": model.flux.iter().map(|f| json!([
-            f.source, record::text::flux_method(f.method), f.kg_s.value, f.kg_s.sd
+            f.source, record::text::flux_method(f.method), record::text::emission_rate(f.kg_s)
         ])).collect::<Vec<_>>(),
         "wind_speed_m_s": model.wind_speed_m_s,
         "observations": model.observations,

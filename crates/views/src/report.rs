@@ -8,11 +8,10 @@ use crate::site::{MapPoint, SiteMap};
 use air::geo::Enu;
 use formats::number::{plus_minus, significant, value_and_sd};
 use protocol::message::{
-    ControlLevel, Estimate, Flux, Message, Model, Peak, PeakStatus, Phase, Severity, VehicleKind,
+    ControlLevel, Flux, Message, Model, Peak, PeakStatus, Phase, Severity, VehicleKind,
 };
 use protocol::{Envelope, SimTime, Topic};
 use record::colour::Shown;
-use record::intervals::positive_interval_95;
 use record::summary::{CORRECTED, FluxSummary, MissionSummary, ModelNumbers, Outcome, ppm_of};
 use record::text;
 use record::tracks::{DecimatedSeries, Tracks, VehicleTrack};
@@ -174,8 +173,8 @@ impl Report {
             .map_or("No peak was found.".to_owned(), |peak| {
                 let rate: String = rates(summary)
                     .map(|f| {
-                        let kg_s = plus_minus(f.kg_s.value, f.kg_s.sd);
-                        format!(", and {} emits {kg_s} kg/s", f.source)
+                        let rate = text::emission_rate(f.kg_s);
+                        format!(", and {} emits {rate}", f.source)
                     })
                     .collect();
                 format!(
@@ -675,8 +674,8 @@ fn next(summary: &MissionSummary) -> String {
             "fly a real vehicle or a stand-in, since nothing here was measured".to_owned()
         }
         PeakStatus::NotFound => {
-            "increase the uncertainty of the wind in [uncertain], or the mission's length, \
-                                 to search more of the site"
+            "check the scenario's wind and the source's effective height, and increase their uncertainty in \
+             [uncertain], or the mission's length, to search more of the site"
                 .to_owned()
         }
         PeakStatus::Doubtful => format!("do not rely on the peak yet; {asks}"),
@@ -710,20 +709,18 @@ fn emission(page: &mut Document, summary: &MissionSummary) {
     }
     page.section("Emission rate");
     let row = |f: &FluxSummary| {
-        let Estimate { value, sd } = f.found.kg_s;
-        let interval = positive_interval_95(f.found.kg_s);
-        let interval = interval.map(|ends| ends.map(significant).join(" to "));
+        let kg_s = f.found.kg_s;
         vec![
             f.found.source.clone(),
             text::flux_method(f.found.method).to_owned(),
-            plus_minus(value, sd),
-            interval.unwrap_or_else(|| "–".to_owned()),
+            significant(kg_s.value),
+            text::interval_of_rate(kg_s),
             f.truth_kg_s.map_or("unknown".to_owned(), significant),
         ]
     };
     let rows: Vec<Vec<String>> = summary.flux.iter().map(row).collect();
     page.table(
-        "Emission rates with one standard deviation, by each method that applies.",
+        "Emission rates by each method that applies.",
         &[
             "source",
             "method",
@@ -755,9 +752,9 @@ fn cards(summary: &MissionSummary) -> Vec<(String, String, String)> {
         ));
     }
     for f in rates(summary) {
-        let kg_s = plus_minus(f.kg_s.value, f.kg_s.sd);
-        let label = format!("emitted by {}", f.source);
-        cards.push((kg_s, "kg/s".to_owned(), label));
+        let interval = text::interval_of_rate(f.kg_s);
+        let label = format!("emitted by {}, 95 % interval {interval}", f.source);
+        cards.push((significant(f.kg_s.value), "kg/s".to_owned(), label));
     }
     let others = if summary.flux.is_empty() { 3 } else { 1 };
     for n in CORRECTED.iter().take(others) {

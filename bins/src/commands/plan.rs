@@ -4,7 +4,7 @@ mod export;
 
 use crate::flights::fly_all;
 use crate::{Failure, mission_files, preflight, reports};
-use formats::number::significant;
+use formats::number::{significant, value_and_sd};
 use mission::plan::{self, Detectable, Expected, Forecast};
 use plume::Gas;
 use record::files;
@@ -130,6 +130,11 @@ pub fn plan(arguments: &PlanArguments) -> Result<(), Failure> {
     Ok(())
 }
 
+/// A standard deviation with its two digits.
+fn two_digits(sd: f64) -> String {
+    value_and_sd(0.0, sd)[1].clone()
+}
+
 /// A least emission in words.
 fn kg_s(least: Option<f64>) -> String {
     least.map_or("none".to_owned(), |least| {
@@ -203,8 +208,8 @@ fn report(mission: &str, f: &Forecast) -> Document {
     let row = |e: &Expected| {
         vec![
             e.name.clone(),
-            significant(e.sd),
-            significant(e.error),
+            two_digits(e.sd),
+            two_digits(e.error),
             e.unit.clone(),
         ]
     };
@@ -248,9 +253,9 @@ fn tell(forecast: &Forecast) {
         println!(
             "  {:18} ± {:>6} {:4} error {:>6} {}",
             e.name,
-            significant(e.sd),
+            two_digits(e.sd),
             e.unit,
-            significant(e.error),
+            two_digits(e.error),
             e.unit
         );
     }

@@ -18,27 +18,33 @@ pub fn page(question: &Question, rows: &[MissionRow]) -> Document {
     let head: Vec<&str> = head.iter().map(String::as_str).collect();
     page.table(table::LEGEND, &head, &cells);
     let time = || Axis::new("mission time", "s");
-    page.figure(
-        dots(&groups, question, time(), |r| r.known.map(|m| m.time_s), true),
+    // Of what happened in no mission there is nothing to draw.
+    let mut figure = |across, of: fn(&MissionRow) -> Option<f64>, counts_all, caption: &str| {
+        if rows.iter().any(|row| of(row).is_some()) {
+            page.figure(dots(&groups, question, across, of, counts_all), caption);
+        }
+    };
+    figure(
+        time(),
+        |r| r.known.map(|m| m.time_s),
+        true,
         "When the peak was first confirmed or supported: a dot for each mission, an upright line for the median of all missions \
          and a level line for its 95 % interval. Missions that never reached it have no dot; the number in brackets counts \
          those that did.",
     );
-    page.figure(
-        dots(
-            &groups,
-            question,
-            time(),
-            |r| r.near.map(|m| m.time_s),
-            true,
-        ),
+    figure(
+        time(),
+        |r| r.near.map(|m| m.time_s),
+        true,
         &format!(
             "When a vehicle was first within {NEAR_M:.0} m of the true peak, in the same form."
         ),
     );
     let distance = Axis::new("distance", "m");
-    page.figure(
-        dots(&groups, question, distance, |r| r.peak_off_m, false),
+    figure(
+        distance,
+        |r| r.peak_off_m,
+        false,
         &format!(
             "Distance of the final peak from the true one; within {FOUND_WITHIN_M:.0} m it counts as found."
         ),

@@ -87,7 +87,7 @@ fn named(sources: &[SourceMean]) -> String {
 /// The mean of a source in a sentence, without its full stop.
 pub fn mean_sentence(source: &SourceMean) -> String {
     let rate = source.mean.kg_s;
-    let [value, low, high] = [rate.value, rate.low95, rate.high95].map(|q| significant(1e3 * q));
+    let [value, low, high] = [rate.value, rate.low95, rate.high95].map(|q| rate_text(1e3 * q));
     format!(
         "{} emits {value} g/s of {} (95 % interval {low} to {high}) in the mean of {} visits",
         source.name,
@@ -117,7 +117,7 @@ fn mean_of_visits(page: &mut Document, source: &SourceMean) {
     );
     let row = |(name, values): &(String, [f64; 3])| {
         let mut row = vec![name.clone()];
-        row.extend(values.map(significant));
+        row.extend(values.map(rate_text));
         row
     };
     page.table(
@@ -181,6 +181,11 @@ fn lead(of: &FluxPage<'_>) -> [String; 3] {
     ]
 }
 
+/// A rate with three digits: more are noise, in however small a unit.
+fn rate_text(value: f64) -> String {
+    significant(format!("{value:.2e}").parse().unwrap_or(value))
+}
+
 /// The answer in a sentence.
 pub fn sentence(flux: &SourceFlux) -> String {
     let gas = flux.gas.formula();
@@ -193,7 +198,7 @@ pub fn sentence(flux: &SourceFlux) -> String {
         Method::Combined => "the combined methods",
     };
     let unit = unit_of(flux);
-    let show = |kg_s: f64| significant(unit.of_kg_s(kg_s, flux.gas));
+    let show = |kg_s: f64| rate_text(unit.of_kg_s(kg_s, flux.gas));
     match (flux.kg_s, flux.upper_limit_kg_s) {
         (Some(rate), _) => format!(
             "{} emits {} {} of {gas} (95 % interval {} to {}) by {method}",
@@ -225,7 +230,7 @@ fn unit_of(flux: &SourceFlux) -> RateUnit {
 fn in_units(gas: Gas, kg_s: f64) -> Vec<String> {
     RateUnit::ALL
         .iter()
-        .map(|unit| significant(unit.of_kg_s(kg_s, gas)))
+        .map(|unit| rate_text(unit.of_kg_s(kg_s, gas)))
         .collect()
 }
 
@@ -346,7 +351,7 @@ fn methods(page: &mut Document, conclusion: &Conclusion, refusals: &[Refusal]) {
         .iter()
         .map(|e| {
             let g_s =
-                |kg_s: Option<f64>| kg_s.map_or_else(|| "–".to_owned(), |q| significant(1e3 * q));
+                |kg_s: Option<f64>| kg_s.map_or_else(|| "–".to_owned(), |q| rate_text(1e3 * q));
             vec![
                 e.method.name().to_owned(),
                 g_s(e.kg_s.map(|r| r.value)),
@@ -400,7 +405,7 @@ fn passes(page: &mut Document, flux: &SourceFlux) {
             vec![
                 format!("{:.0} to {:.0}", p.from_s, p.to_s),
                 p.kg_s
-                    .map_or_else(|| "–".to_owned(), |q| significant(1e3 * q)),
+                    .map_or_else(|| "–".to_owned(), |q| rate_text(1e3 * q)),
                 format!("{:.0}", p.distance_m),
                 if p.used { "yes" } else { "no" }.to_owned(),
                 p.reason.clone().unwrap_or_default(),

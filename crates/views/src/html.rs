@@ -30,6 +30,8 @@ fn script_json(figures: &[Figure]) -> String {
 
 /// Characters of a number with its ± or interval; a sentence may begin with a number, too.
 const LONGEST_NUMBER: usize = 30;
+/// Columns of a table that fit on a page in the usual size.
+const MOST_USUAL_COLUMNS: usize = 10;
 /// Characters of a cell with a range that stays on one line.
 const LONGEST_RANGE: usize = 16;
 
@@ -143,13 +145,18 @@ impl Document {
         ));
     }
 
-    /// A table with a caption. Columns of numbers stand to the right, the first column and texts to the left.
+    /// A table with a caption; smaller where it has many columns. Columns of numbers stand to the right, the first column and texts to the left.
     pub fn table(&mut self, caption: &str, head: &[&str], rows: &[Vec<String>]) {
         self.tables += 1;
         let (number, caption) = (self.tables, escape(caption));
         self.push(format_args!(
             "<figure class=\"table\"><figcaption><b>Table {number}.</b> {caption}</figcaption>\
-             <div class=\"scroll\"><table><thead><tr>"
+             <div class=\"scroll\"><table{}><thead><tr>",
+            if head.len() > MOST_USUAL_COLUMNS {
+                " class=\"wide\""
+            } else {
+                ""
+            }
         ));
         let sides: Vec<&str> = (0..head.len()).map(|k| side(rows, k)).collect();
         for (cell, side) in head.iter().zip(&sides) {

@@ -298,6 +298,9 @@ impl<'de> serde::Deserialize<'de> for Gas {
     }
 }
 
+/// Values from here on are written with a power of ten: nobody counts the zeros of 1e300.
+const MOST_PLAIN: f64 = 1e9;
+
 /// A unit of mole fractions in files. Inside they are in ppm.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Unit {
@@ -338,11 +341,17 @@ impl Unit {
         ppm * self.per_ppm()
     }
 
-    /// `ppm` in this unit, as a file has it: without the last digit that the change of unit adds.
+    /// `ppm` in this unit, as a file has it: without the last digit that the change of unit adds, and with a power of ten
+    /// where it is a billion or more.
     pub fn text(self, ppm: f64) -> String {
-        match self {
-            Unit::Ppm => ppm.to_string(),
-            Unit::Ppb => ((self.of_ppm(ppm) * 1e9).round() / 1e9).to_string(),
+        let value = match self {
+            Unit::Ppm => ppm,
+            Unit::Ppb => (self.of_ppm(ppm) * 1e9).round() / 1e9,
+        };
+        if value.abs() < MOST_PLAIN {
+            value.to_string()
+        } else {
+            format!("{value:e}")
         }
     }
 }

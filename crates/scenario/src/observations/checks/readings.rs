@@ -1,5 +1,6 @@
 //! Readings in another unit, that stand still, that stop at a limit, or that are missing.
 
+use formats::number::significant;
 use plume::{DispersionSpec, Unit};
 
 use super::super::Observations;
@@ -58,10 +59,11 @@ impl OfPlatform<'_> {
             return;
         }
         let message = format!(
-            "readings of about {:.4} against a background of {}, {ratio:.3} times as much; check the unit of {} \
+            "readings of about {} against a background of {}, {} times as much; check the unit of {} \
              ({}%, fraction?)",
-            raw.unit.of_ppm(low),
+            significant(raw.unit.of_ppm(low)),
             raw.said(background_ppm),
+            significant(ratio),
             raw.gas.column(raw.unit),
             if raw.unit == Unit::Ppm {
                 "ppb, "

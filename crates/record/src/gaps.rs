@@ -56,7 +56,19 @@ impl Gaps {
             return None;
         }
         let this = (envelope.sequence, envelope.time);
-        let (last, since) = self.last.insert(envelope.sender.clone(), this)?;
+        let known = self.last.get(&envelope.sender).copied();
+        if let Some((last, since)) = known
+            && envelope.sequence <= last
+            && envelope.time <= since
+        {
+            // Published before, and overtaken by a message on another key: it counted as lost.
+            self.missing = self
+                .missing
+                .saturating_sub(u64::from(envelope.sequence < last));
+            return None;
+        }
+        self.last.insert(envelope.sender.clone(), this);
+        let (last, since) = known?;
         if envelope.sequence <= last {
             return Some(Found::Restarted);
         }
@@ -104,6 +116,19 @@ mod tests {
         );
         assert_eq!(gaps.take(&said(AgentId::ws(), 2, 9.0)), None);
         assert_eq!(gaps.missing(), 3);
+    }
+
+    #[test]
+    fn a_message_that_others_overtook_is_neither_lost_nor_a_restart() {
+        let mut gaps = Gaps::default();
+        gaps.take(&said(AgentId::sc(), 41, 4.0));
+        assert!(gaps.take(&said(AgentId::sc(), 44, 4.02)).is_some());
+        assert_eq!(gaps.missing(), 2);
+        for sequence in [42, 43, 44] {
+            assert_eq!(gaps.take(&said(AgentId::sc(), sequence, 4.0)), None);
+        }
+        assert_eq!(gaps.take(&said(AgentId::sc(), 45, 4.04)), None);
+        assert_eq!(gaps.missing(), 0);
     }
 
     #[test]

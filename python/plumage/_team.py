@@ -10,19 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
+from ._drawing import Drawing, Frame
 from ._plumage import Searches
-from .gym import _SEEDS, _action_space, _observation_space
+from .gym import _SEEDS, RENDER_MODES, RenderMode, _action_space, _observation_space
 
 
 class TeamEnv(ParallelEnv):  # type: ignore[misc]
     """Team that searches for one plume."""
 
-    metadata = {"name": "plumage_search_v0", "render_modes": [], "is_parallelizable": True}
+    metadata = {"name": "plumage_search_v0", "render_modes": RENDER_MODES, "is_parallelizable": True}
 
-    def __init__(self, searches: Searches, agents: int) -> None:
+    def __init__(self, searches: Searches, agents: int, render_mode: RenderMode | None) -> None:
         self.possible_agents = [f"aircraft_{k + 1}" for k in range(agents)]
         self.agents: list[str] = []
-        self.render_mode = None
+        self.render_mode = render_mode
+        self._drawing = Drawing()
         self._searches = searches
         self._numbers = {name: k for k, name in enumerate(self.possible_agents)}
         self._seeds = np.random.default_rng()
@@ -46,7 +48,9 @@ class TeamEnv(ParallelEnv):  # type: ignore[misc]
         drawn = int(self._seeds.integers(_SEEDS)) if seed is None else seed
         self.agents = list(self.possible_agents)
         self._searches.reset([0], [drawn])
-        return self._by_agent(self._rows(self._searches.observe())), {name: {} for name in self.agents}
+        seen = self._rows(self._searches.observe())
+        self._drawing.begin(seen)
+        return self._by_agent(seen), {name: {} for name in self.agents}
 
     def step(self, actions: dict[str, NDArray[np.float32]]) -> tuple[
         dict[str, NDArray[np.float32]],
@@ -61,6 +65,8 @@ class TeamEnv(ParallelEnv):  # type: ignore[misc]
             acted[self._numbers[name]] = action
         seen, rewards, terminated, truncated, _ = self._searches.step(acted.reshape(-1))
         found = self._searches.truth(0)["found"]
+        if self.render_mode is not None:
+            self._drawing.add(self._rows(seen))
         answer = (
             self._by_agent(self._rows(seen)),
             {name: float(value) for name, value in self._by_agent(rewards).items()},
@@ -71,6 +77,10 @@ class TeamEnv(ParallelEnv):  # type: ignore[misc]
         over = terminated | truncated
         self.agents = [name for name in self.agents if not over[self._numbers[name]]]
         return answer
+
+    def render(self) -> Frame | None:
+        """Return a map of the search so far; None without a ``render_mode``."""
+        return None if self.render_mode is None else self._drawing.frame(self.truth())
 
     def truth(self) -> dict[str, Any]:
         """Wind and peak of the scene, hidden from the team."""

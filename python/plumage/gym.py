@@ -34,6 +34,9 @@ the wind that the team assumes:
 mean concentration outside the keep-out is found (within 60 m on the map and 40 m in height), which ends the episode.
 ``reward="information"``: information gain, in nats, about the plume's direction, height and strength: half the growth of the logarithm of the determinant of their information matrix, a reading a second.
 Both: −10 for leaving the allowed space, which ends an aircraft's episode; −1 per second within 50 m of another aircraft.
+
+**Drawing.** With ``render_mode="rgb_array"``, ``render()`` returns a map of 400 × 400 pixels: the allowed ring, the wind
+that the team assumes, the tracks coloured by readings, and the true peak.
 """
 
 from __future__ import annotations
@@ -50,12 +53,15 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from ._plumage import Aircraft, Searches
+from ._drawing import Drawing, Frame
+from ._plumage import Aircraft, InputError, Searches
 
 __all__ = ["SearchEnv", "SearchVectorEnv", "parallel_env"]
 
 Reward = Literal["peak", "information"]
 Air = Literal["steady", "unsteady"]
+RenderMode = Literal["rgb_array"]
+RENDER_MODES = ["rgb_array"]
 
 #: Seeds are drawn below this where none is given.
 _SEEDS = 2**63
@@ -91,6 +97,12 @@ def _searches(
     )
 
 
+def _render_mode(mode: str | None) -> RenderMode | None:
+    if mode not in (None, *RENDER_MODES):
+        raise InputError(f"render_mode {mode!r}: expected None or 'rgb_array'")
+    return "rgb_array" if mode else None
+
+
 def _flat(actions: Any) -> NDArray[np.float32]:
     return np.ascontiguousarray(actions, dtype=np.float32).reshape(-1)
 
@@ -102,7 +114,7 @@ class SearchEnv(gymnasium.Env):
     duration_s: length of an episode, s; longer episodes are truncated.
     """
 
-    metadata = {"render_modes": []}
+    metadata = {"render_modes": RENDER_MODES, "render_fps": 10}
 
     def __init__(
         self,
@@ -112,11 +124,12 @@ class SearchEnv(gymnasium.Env):
         reward: Reward = "peak",
         air: Air = "steady",
         aircraft: Aircraft | None = None,
-        render_mode: None = None,
+        render_mode: RenderMode | None = None,
     ) -> None:
         self.observation_space = _observation_space()
         self.action_space = _action_space()
-        self.render_mode = render_mode
+        self.render_mode = _render_mode(render_mode)
+        self._drawing = Drawing()
         self._searches = _searches(1, 1, step_s, duration_s, reward, air, aircraft, False)
 
     def reset(
@@ -126,7 +139,9 @@ class SearchEnv(gymnasium.Env):
         super().reset(seed=seed)
         drawn = int(self.np_random.integers(_SEEDS)) if seed is None else seed
         self._searches.reset([0], [drawn])
-        return self._searches.observe(), {}
+        seen = self._searches.observe()
+        self._drawing.begin(seen[None])
+        return seen, {}
 
     def step(
         self, action: NDArray[np.float32]
@@ -134,7 +149,13 @@ class SearchEnv(gymnasium.Env):
         """Fly for ``step_s``."""
         seen, rewards, terminated, truncated, _ = self._searches.step(_flat(action))
         info = {"found": self._searches.truth(0)["found"]}
+        if self.render_mode is not None:
+            self._drawing.add(seen[None])
         return seen, float(rewards[0]), bool(terminated[0]), bool(truncated[0]), info
+
+    def render(self) -> Frame | None:
+        """Return a map of the search so far; None without a ``render_mode``."""
+        return None if self.render_mode is None else self._drawing.frame(self.truth())
 
     def truth(self) -> dict[str, Any]:
         """Wind and peak of the scene, hidden from the aircraft."""
@@ -148,7 +169,7 @@ class SearchVectorEnv(gymnasium.vector.VectorEnv):
     last observation.
     """
 
-    metadata = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}
+    metadata = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": RENDER_MODES, "render_fps": 10}
 
     def __init__(
         self,
@@ -159,9 +180,11 @@ class SearchVectorEnv(gymnasium.vector.VectorEnv):
         reward: Reward = "peak",
         air: Air = "steady",
         aircraft: Aircraft | None = None,
+        render_mode: RenderMode | None = None,
     ) -> None:
         self.num_envs = num_envs
-        self.render_mode = None
+        self.render_mode = _render_mode(render_mode)
+        self._drawings = [Drawing() for _ in range(num_envs if self.render_mode else 0)]
         self.single_observation_space = _observation_space()
         self.single_action_space = _action_space()
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -181,7 +204,10 @@ class SearchVectorEnv(gymnasium.vector.VectorEnv):
             given = [seed + k for k in range(self.num_envs)]
         seeds = [int(self.np_random.integers(_SEEDS)) if one is None else one for one in given]
         self._searches.reset(list(range(self.num_envs)), seeds)
-        return self._observations(self._searches.observe()), {}
+        seen = self._observations(self._searches.observe())
+        for drawing, own in zip(self._drawings, seen, strict=False):
+            drawing.begin(own[None])
+        return seen, {}
 
     def step(
         self, actions: NDArray[np.float32]
@@ -196,7 +222,16 @@ class SearchVectorEnv(gymnasium.vector.VectorEnv):
             for k in np.flatnonzero(over):
                 finals[k] = last[k]
             info = {"final_obs": finals, "_final_obs": over, "final_info": {}, "_final_info": over}
-        return self._observations(seen), rewards, terminated, truncated, info
+        observed = self._observations(seen)
+        for drawing, own, ended in zip(self._drawings, observed, over, strict=False):
+            (drawing.begin if ended else drawing.add)(own[None])
+        return observed, rewards, terminated, truncated, info
+
+    def render(self) -> tuple[Frame, ...] | None:
+        """Return a map of each search so far; None without a ``render_mode``."""
+        if self.render_mode is None:
+            return None
+        return tuple(drawing.frame(self._searches.truth(k)) for k, drawing in enumerate(self._drawings))
 
     def _observations(self, flat: NDArray[np.float32]) -> NDArray[np.float32]:
         return flat.reshape(self.num_envs, Searches.OBSERVED)
@@ -210,6 +245,7 @@ def parallel_env(
     reward: Reward = "peak",
     air: Air = "steady",
     aircraft: Aircraft | None = None,
+    render_mode: RenderMode | None = None,
 ) -> Any:
     """Create a team of ``agents`` (1 to 16) that searches for one plume, as an environment of PettingZoo's parallel API.
 
@@ -218,7 +254,7 @@ def parallel_env(
     from ._team import TeamEnv
 
     searches = _searches(1, agents, step_s, duration_s, reward, air, aircraft, False)
-    return TeamEnv(searches, agents)
+    return TeamEnv(searches, agents, _render_mode(render_mode))
 
 
 gymnasium.register("plumage/Search-v0", entry_point="plumage.gym:SearchEnv")

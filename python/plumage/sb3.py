@@ -57,6 +57,10 @@ class SearchVecEnv(VecEnv):
             }
         return observed, rewards, over, infos
 
+    def get_images(self) -> Sequence[Any]:
+        """Return a map of each search; none without ``render_mode="rgb_array"``."""
+        return list(self.searches.render() or ())
+
     def close(self) -> None:
         """Release nothing: the searches hold no resources."""
 

@@ -17,7 +17,8 @@ from plumage.gym import SearchEnv, SearchVectorEnv, parallel_env
 def test_gymnasium_finds_nothing_wrong(air, reward):
     from gymnasium.utils.env_checker import check_env
 
-    check_env(gymnasium.make("plumage/Search-v0", air=air, reward=reward).unwrapped, skip_render_check=True)
+    made = gymnasium.make("plumage/Search-v0", air=air, reward=reward, render_mode="rgb_array")
+    check_env(made.unwrapped)
 
 
 @pytest.mark.parametrize("agents", [1, 3])
@@ -138,6 +139,51 @@ def test_a_team_shares_its_best_reading():
     # 100 m apart at the start, in 3 km.
     first = env.reset(seed=1)[0]["aircraft_1"]
     assert np.hypot(first[14], first[15]) == pytest.approx(100 / 3000, rel=0.01)
+
+
+def pixel(frame: np.ndarray, east_m: float, north_m: float) -> tuple[int, ...]:
+    """The colour of a place, by the scale of the map: 6.4 km are 400 pixels."""
+    return tuple(frame[round((3200 - north_m) / 6400 * 399), round((3200 + east_m) / 6400 * 399)].tolist())
+
+
+def test_the_map_shows_peak_keep_out_and_track():
+    env = SearchEnv(render_mode="rgb_array", step_s=5.0)
+    observed, _ = env.reset(seed=2)
+    before, truth = env.render(), env.truth()
+    assert before.shape == (400, 400, 3) and before.dtype == np.uint8
+    assert pixel(before, truth["peak_east_m"], truth["peak_north_m"]) == (20, 90, 40)
+    # The keep-out is a disc around the stack, upwind of which aircraft start.
+    wind = np.deg2rad(truth["wind_from_deg"])
+    assert pixel(before, 600 * np.sin(wind), 600 * np.cos(wind)) == (240, 214, 210)
+    start = -3000.0 * observed[0] * np.array([np.sin(wind), np.cos(wind)])
+    start += 3000.0 * observed[1] * np.array([np.cos(wind), -np.sin(wind)])
+    assert pixel(before, *start) == (20, 20, 20)
+    for _ in range(6):
+        env.step(np.zeros(3, np.float32))
+    # Its place at the start is now a part of the track in clean air.
+    assert pixel(env.render(), *start) != (255, 255, 255)
+    assert (env.render() != before).any()
+    assert SearchEnv().render() is None
+    with pytest.raises(plumage.InputError, match="expected None or 'rgb_array'"):
+        SearchEnv(render_mode="human")
+
+
+def test_teams_and_vectors_draw_too():
+    team = parallel_env(agents=3, render_mode="rgb_array")
+    team.reset(seed=1)
+    alone = parallel_env(agents=1, render_mode="rgb_array")
+    alone.reset(seed=1)
+    black = lambda frame: int((frame == 20).all(axis=-1).sum())
+    assert black(team.render()) > 2 * black(alone.render()) - 25
+    many = SearchVectorEnv(2, step_s=5.0, duration_s=10.0, render_mode="rgb_array")
+    many.reset(seed=0)
+    first = many.render()
+    many.step(np.zeros((2, 3), np.float32))
+    assert len(first) == 2 and (first[0] != first[1]).any()
+    assert (many.render()[0] != first[0]).any()
+    # The next scene starts with an empty map: a single place of one aircraft.
+    many.step(np.zeros((2, 3), np.float32))
+    assert black(many.render()[0]) <= 49 + 25
 
 
 def test_wrong_settings_are_refused():

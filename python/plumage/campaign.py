@@ -7,15 +7,19 @@ and ``plumage campaign merge`` or :func:`merge` combines shards.
 >>> result = campaign("scenarios/as-pontes.toml", seeds=range(1, 101), strategies=["cs-ea", "posterior"],
 ...                   out="out/campaign", client=Client("tcp://scheduler:8786"))   # doctest: +SKIP
 >>> print(result.table)                                                    # doctest: +SKIP
+
+The same from a shell: ``python -m plumage.campaign SCENARIO --seeds 1..100 --dask tcp://scheduler:8786 --out out/campaign``.
 """
 
 from __future__ import annotations
 
+import argparse
 import concurrent.futures
 import functools
 import os
+import sys
 import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -154,3 +158,75 @@ def _fly(asked: tuple[str, tuple[tuple[str, bytes], ...]], mission: str) -> tupl
 def _ready(question: str, files: tuple[tuple[str, bytes], ...]) -> _plumage.Campaign:
     """Return the missions of a campaign, which a worker reads once."""
     return _plumage.Campaign.of_question(question, dict(files))
+
+
+def _seeds(text: str) -> list[int]:
+    """Return seeds as ``plumage campaign`` reads them: a number of seeds, FIRST..LAST, or a list."""
+    first, dots, last = text.partition("..")
+    try:
+        if dots:
+            seeds = list(range(int(first), int(last) + 1))
+        elif "," in text:
+            seeds = [int(seed) for seed in text.split(",")]
+        else:
+            seeds = list(range(1, int(text) + 1))
+    except ValueError:
+        seeds = []
+    if not seeds or min(seeds) < 0:
+        raise argparse.ArgumentTypeError(f"{text}: expected a number of seeds, or seeds such as 5..12 or 1,4,9")
+    return seeds
+
+
+def _names(text: str) -> list[str]:
+    return text.split(",")
+
+
+def _numbers(text: str) -> list[int]:
+    return [int(number) for number in text.split(",")]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Fly a campaign on a Dask cluster, or with local threads."""
+    parser = argparse.ArgumentParser(prog="python -m plumage.campaign", description=main.__doc__)
+    parser.add_argument("scenario", help="scenario file")
+    parser.add_argument("--out", required=True, help="folder for missions and tables; an unfinished campaign in it is resumed")
+    parser.add_argument("--dask", metavar="ADDRESS", help="scheduler, such as tcp://host:8786; default: local threads")
+    parser.add_argument("--seeds", type=_seeds, default=_seeds("20"), help="number of seeds, FIRST..LAST or a list (default: 20)")
+    parser.add_argument("--strategies", type=_names, default=[], help="search strategies, separated by commas")
+    parser.add_argument("--realities", type=_names, default=[], help="realities, separated by commas")
+    parser.add_argument("--vehicles", type=_numbers, default=[], help="sizes of the team, separated by commas")
+    parser.add_argument("--gas", help="gas that the sensors measure")
+    parser.add_argument("--duration", type=float, metavar="S", help="duration of each mission, s")
+    parser.add_argument("--shard", default="1/1", metavar="K/N", help="fly only every N-th mission, from the K-th on")
+    parser.add_argument("--force", action="store_true", help="write into a folder that holds other files")
+    asked = parser.parse_args(arguments)
+    client = None
+    if asked.dask is not None:
+        from distributed import Client
+
+        client = Client(asked.dask)
+    try:
+        result = campaign(
+            asked.scenario,
+            seeds=asked.seeds,
+            strategies=asked.strategies,
+            realities=asked.realities,
+            vehicles=asked.vehicles,
+            gas=asked.gas,
+            duration_s=asked.duration,
+            shard=asked.shard,
+            out=asked.out,
+            force=asked.force,
+            client=client,
+            progress=lambda done, of: print(f"flown: {done} of {of}", file=sys.stderr),
+        )
+    except _plumage.InputError as error:
+        parser.error(str(error))
+    finally:
+        if client is not None:
+            client.close()
+    print(result.table)
+
+
+if __name__ == "__main__":
+    main()

@@ -6,7 +6,7 @@ import pytest
 from conftest import AS_PONTES, said
 
 import plumage
-from plumage.campaign import campaign, merge
+from plumage.campaign import campaign, main, merge
 
 ASKED = {"seeds": 2, "strategies": ["cs-ea", "lawnmower"], "duration_s": 60}
 OPTIONS = ("--seeds", 2, "--strategies", "cs-ea,lawnmower", "--duration", 60)
@@ -58,9 +58,28 @@ def test_parts_make_the_whole(whole, tmp_path):
             campaign(AS_PONTES, **ASKED, shard=wrong)
 
 
-def test_a_cluster_flies_the_same(whole):
+def test_a_cluster_flies_the_same(whole, tmp_path, capsys):
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
     ) as cluster, distributed.Client(cluster) as client:
         assert campaign(AS_PONTES, **ASKED, client=client) == whole
+        options = ["--seeds", "1..2", "--strategies", "cs-ea,lawnmower", "--duration", "60"]
+        out = tmp_path / "out"
+        main([str(AS_PONTES), *options, "--dask", cluster.scheduler_address, "--out", str(out)])
+        assert capsys.readouterr().out.strip() == whole.table.strip()
+        assert whole.parquet == (out / "missions.parquet").read_bytes()
+
+
+@pytest.mark.parametrize("seeds", ["a..b", "0", "5..4", "-1..2", "1,x"])
+def test_seeds_that_are_none_are_refused(seeds, capsys):
+    with pytest.raises(SystemExit):
+        main(["s.toml", "--out", "x", f"--seeds={seeds}"])
+    assert f"{seeds}: expected a number of seeds, or seeds such as 5..12 or 1,4,9" in capsys.readouterr().err
+
+
+def test_wrong_input_ends_with_its_message(tmp_path, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main([str(tmp_path / "none.toml"), "--out", str(tmp_path / "out"), "--strategies", "cs-ea"])
+    assert ended.value.code == 2
+    assert "none.toml" in capsys.readouterr().err

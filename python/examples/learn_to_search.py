@@ -12,6 +12,7 @@ distribution, flown through scenes of their own, and the distribution is moved t
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,7 +113,7 @@ class Learned:
         return pilot(observed, np.clip(bearing, -1.2, 1.2), np.full(len(observed), NEAR_M), height_m)
 
 
-def fly(policy, seeds: list[int]) -> tuple[Array, NDArray[np.bool_], Array]:
+def fly(policy: Callable[[Array], NDArray[np.float32]], seeds: list[int]) -> tuple[Array, NDArray[np.bool_], Array]:
     """What a policy earns in the scenes of these seeds, whether it finds the peak, and when, s."""
     env = SearchVectorEnv(len(seeds), step_s=STEP_S, duration_s=DURATION_S, reward="peak", air="steady")
     observed, _ = env.reset(seed=list(seeds))
@@ -127,7 +128,7 @@ def fly(policy, seeds: list[int]) -> tuple[Array, NDArray[np.bool_], Array]:
     return earned, np.isfinite(found_s), found_s
 
 
-def learn(generations: int, say=print) -> Array:
+def learn(generations: int, say: Callable[[str], object] = print) -> Array:
     """The numbers of a policy, by the cross-entropy method."""
     rng = np.random.default_rng(1)
     mean, sd = Learned.FIRST.copy(), 0.15 + 0.2 * np.abs(Learned.FIRST)

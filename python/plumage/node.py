@@ -73,7 +73,8 @@ class Node:
         self._speaker: _plumage.Speaker | None = None
         #: The clock of this process when the mission began, ns.
         self._begun_ns = 0
-        self._session = zenoh.open(config)
+        # Zenoh types only a part of its calls.
+        self._session: Any = zenoh.open(config)
 
     def __enter__(self) -> Node:
         return self

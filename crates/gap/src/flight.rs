@@ -16,7 +16,6 @@
 
 pub mod answer;
 pub mod channel;
-mod derived;
 pub mod equation_error;
 pub mod estimate;
 pub mod evidence;
@@ -39,8 +38,8 @@ pub mod rival;
 mod rough;
 mod sensitivity;
 pub mod study;
+mod suspect;
 mod transition;
-mod units;
 pub mod windows;
 
 use fdm::Aircraft;
@@ -53,7 +52,6 @@ use equation_error::EquationError;
 use gate::Gated;
 use histories::History;
 use log::FlightLog;
-use noise::Noise;
 use study::{Linear, Study};
 use windows::MotionError;
 
@@ -95,8 +93,6 @@ impl FlightReport {
 pub struct FlightDetail {
     /// What accelerations say without a filter.
     pub equation_error: EquationError,
-    /// Fitted noise of the extended aircraft.
-    pub noise: Noise,
     /// Factor by which the data's word was weakened, since their score varies that much more
     /// than independent innovations would.
     pub dispersion: f64,
@@ -214,7 +210,6 @@ impl<'a> Finding<'a> {
             gap,
             flight: FlightDetail {
                 equation_error,
-                noise: last.noise,
                 dispersion: last.word.dispersion,
                 motion,
             },

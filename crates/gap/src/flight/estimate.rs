@@ -16,7 +16,6 @@ use super::equation_error::{self, EquationError};
 use super::evidence::sum;
 use super::gate::{Gated, Segment};
 use super::log::FlightLog;
-use super::noise::cut;
 use super::parameters::{Effect, Parameter, applied, value_of};
 use super::study::{Linear, Study};
 use super::windows::{self, MotionError};
@@ -135,7 +134,7 @@ pub fn estimate(
     let coefficients = all.coefficients(widened);
     let motion = unseen(&of_halves);
     let theta = &all.view.theta;
-    let found = applied(aircraft, &all.study.parameters, theta)
+    let found = applied(aircraft, &all.study.parameters, theta, 0)
         .extended
         .aircraft;
     found.check().map_err(|e| GapError::Data {
@@ -218,7 +217,7 @@ impl<'a> Fitted<'a> {
 
 /// Standard deviations of all parameters as the filter states them.
 fn stated(study: &Study<'_>, view: &Linear) -> Vec<f64> {
-    let (a, b) = sum(&view.blocks, None);
+    let (a, b) = sum(&view.blocks);
     let spread = view.word.dispersion;
     let (_, covariance) = study.posterior(&(a / spread), &(b / spread), &[]);
     let sd = |j: usize| covariance[(j, j)].max(0.0).sqrt();
@@ -267,22 +266,14 @@ fn refitted(told: &EquationError, name: &str) -> Option<f64> {
 
 /// The first and the second half of every stretch.
 fn halves(gated: &Gated) -> [Gated; 2] {
-    let half = |second: bool| Gated {
+    [0, 1].map(|half| Gated {
         segments: gated
             .segments
             .iter()
-            .map(|s| {
-                let middle = s.len() / 2;
-                if second {
-                    cut(s, middle, s.len())
-                } else {
-                    cut(s, 0, middle)
-                }
-            })
+            .map(|s| s.cut(half * (s.len() / 2)..[s.len() / 2, s.len()][half]))
             .collect(),
         ..gated.clone()
-    };
-    [half(false), half(true)]
+    })
 }
 
 /// How much more two halves differ than they say, at least 1: root mean square over what both tell.

@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::channel::{ALL, CHANNELS, at};
+use super::filter::Seen;
 use super::gate::Segment;
 use super::motion::{Mean, World};
 
@@ -50,27 +51,18 @@ fn starts(segment: &Segment) -> Vec<usize> {
 /// start.
 pub fn simulate(segment: &Segment, world: &World, means: &[Mean]) -> Vec<[f64; CHANNELS]> {
     let mut out = Vec::with_capacity(segment.len());
-    let mut state = undisturbed(&means[0]);
+    let mut state = means[0].undisturbed();
     let mut starts = starts(segment).into_iter().peekable();
     for i in 0..segment.len() {
         if starts.next_if_eq(&i).is_some() {
-            state = undisturbed(&means[i]);
+            state = means[i].undisturbed();
         }
-        out.push(world.at(i).sense(segment, i, &state));
+        out.push(Seen::of(segment, world, i, state, false).expected());
         if i + 1 < segment.len() {
             state = world.at(i).step(segment, i, &state);
         }
     }
     out
-}
-
-/// A state without the disturbances that the filter adds to the model: a simulation has none.
-fn undisturbed(mean: &Mean) -> Mean {
-    Mean {
-        spin: [0.0; 3],
-        push: [0.0; 3],
-        ..*mean
-    }
 }
 
 /// Histories of every channel of `segment` from what base and extension simulate and innovate.

@@ -7,7 +7,7 @@ use multiversion::multiversion;
 
 use super::channel::{CHANNELS, at};
 use super::filter::{Columns, Seen, Taken};
-use super::motion::{FORCE, SPIN, STATES};
+use super::motion::{FORCE, SPIN, STATES, towards};
 use super::rival::Target;
 use super::transition::{Matrix, Transition, plus_product};
 
@@ -44,7 +44,7 @@ impl<'a, 'b> Sensitivity<'a, 'b> {
         };
         Self {
             columns,
-            panels: (0..columns.count().div_ceil(WIDTH)).map(panel).collect(),
+            panels: (0..columns.count.div_ceil(WIDTH)).map(panel).collect(),
             rows: Vec::new(),
         }
     }
@@ -57,20 +57,20 @@ impl<'a, 'b> Sensitivity<'a, 'b> {
     /// Sets what the columns change in the readings at a fixed state.
     pub fn look(&mut self, seen: &Seen<'_>) {
         let here = seen.world.read(&seen.mean, &seen.felt);
-        for (j, aside) in self.columns.worlds.iter().enumerate() {
+        for aside in &self.columns.worlds {
             let felt = if aside.moves {
                 seen.felt_in(aside)
             } else {
                 seen.felt
             };
             let there = aside.world.at(seen.i).read(&seen.mean, &felt);
-            let (panel, l) = self.at(j);
+            let (panel, l) = self.at(aside.column);
             for c in 0..CHANNELS {
                 panel.read[c * WIDTH + l] = (there[c] - here[c]) / aside.step;
             }
         }
         let met = seen.meets();
-        let first = self.columns.worlds.len();
+        let first = self.columns.first_term;
         for (k, (target, value)) in self.columns.terms.at(&met).enumerate() {
             let (panel, l) = self.at(first + k);
             match target {
@@ -96,7 +96,7 @@ impl<'a, 'b> Sensitivity<'a, 'b> {
                 WIDTH,
             );
         }
-        let count = self.columns.count();
+        let count = self.columns.count;
         for (row, taken) in self.rows.chunks(width).zip(taken) {
             each(&row[..count], taken);
         }
@@ -105,22 +105,21 @@ impl<'a, 'b> Sensitivity<'a, 'b> {
     /// Moves the derivatives through `step`, with slopes as `seen`.
     pub fn predict(&mut self, seen: &Seen<'_>, step: &Transition) {
         let axes = fdm::dynamics::rotation(&seen.mean.body.attitude);
-        let towards = |f: &[f64; 3]| axes.map(|row| row[0] * f[0] + row[1] * f[1] + row[2] * f[2]);
-        for (j, aside) in self.columns.worlds.iter().enumerate() {
+        for aside in &self.columns.worlds {
             if !aside.moves {
                 continue;
             }
             let there = seen.felt_in(aside);
             let change = |n: usize| (there[n] - seen.felt[n]) / aside.step;
-            let push = towards(&std::array::from_fn(|k| change(FORCE + k)));
-            let (panel, l) = self.at(j);
+            let push = towards(&axes, &std::array::from_fn(|k| change(FORCE + k)));
+            let (panel, l) = self.at(aside.column);
             for k in 0..3 {
                 panel.slope[k * WIDTH + l] = push[k];
                 panel.slope[(3 + k) * WIDTH + l] = change(SPIN + k);
             }
         }
         let met = seen.meets();
-        let first = self.columns.worlds.len();
+        let first = self.columns.first_term;
         for (k, (target, value)) in self.columns.terms.at(&met).enumerate() {
             let (panel, l) = self.at(first + k);
             match target {

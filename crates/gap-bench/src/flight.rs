@@ -276,7 +276,7 @@ fn control(bench: &BenchAircraft<'_>, seed: u64) -> Result<Control, String> {
     let study = Study::new(&bench.aircraft, &gated, 1);
     let theta = study.start();
     let noise = study.noise(&theta, Noise::usual(), 12);
-    let linear = study.settled(study.linearise(theta, noise));
+    let linear = study.descend(study.linearise(theta, noise), &[], false);
     Ok(Control {
         names: study.parameters.iter().map(|p| p.name.clone()).collect(),
         loss: loss(&study, &linear),

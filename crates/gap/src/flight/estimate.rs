@@ -12,14 +12,14 @@
 use fdm::Aircraft;
 use serde::Serialize;
 
-use super::equation_error::{self, EquationError};
+use super::equation_error::EquationError;
 use super::evidence::sum;
-use super::gate::{Gated, Segment};
+use super::gate::Gated;
 use super::log::FlightLog;
 use super::parameters::{Effect, Parameter, applied, value_of};
 use super::study::{Linear, Study};
 use super::windows::{self, MotionError};
-use super::{gate, told};
+use super::{gate, histories};
 use crate::GapError;
 use crate::verdict::DataQuality;
 
@@ -38,6 +38,10 @@ const TOLD_PART: f64 = 0.5;
 const LAW_PART: f64 = 0.05;
 /// A start is no farther from the file than so many of its standard deviations.
 const START_SD: f64 = 2.0;
+/// Parts of a step with all coefficients free that are tried, and what one may lose, nats: with the gains held the score
+/// that is nil at its end is not the slope of what is scored, and one nat for each of thirty may be lost; beyond, the
+/// filter has lost the flight.
+const STEP: (i32, f64) = (4, 30.0);
 /// Variance inflation above which equation error tells no start: its error is then ten times that of a regressor that
 /// stands alone.
 const MOST_INFLATION: f64 = 100.0;
@@ -170,7 +174,8 @@ impl<'a> Fitted<'a> {
         };
         let mut sds = stated(&study, &view);
         for _ in 0..ROUNDS {
-            let next = study.on_towards(&view);
+            let theta = study.step_towards(&view, &[], STEP);
+            let next = study.seen_with_own_noise(theta, view.noise.clone());
             let move_of = |(j, sd): (usize, &f64)| (next.theta[j] - view.theta[j]).abs() / sd;
             let farthest = sds.iter().enumerate().map(move_of).fold(0.0, f64::max);
             if !next.log_score.is_finite() {
@@ -236,9 +241,7 @@ fn neutral(aircraft: &Aircraft, parameter: &Parameter) -> Option<f64> {
 /// Where the search may begin: at the file, and where equation error leads from it.
 fn start(study: &Study<'_>) -> Vec<Vec<f64>> {
     let file = study.start();
-    let of = |s: &Segment| study.world(s, &file);
-    let worlds: Vec<_> = study.gated.segments.iter().map(of).collect();
-    let told = equation_error::analyse(&study.gated.segments, &worlds, study.aircraft);
+    let told = study.equation_error();
     let mut led = file.clone();
     for (value, parameter) in led.iter_mut().zip(&study.parameters) {
         if let Effect::Coefficient(place) = parameter.effect
@@ -258,10 +261,8 @@ fn refitted(told: &EquationError, name: &str) -> Option<f64> {
     let moment = told.moments.iter().find(|m| m.axis == axis)?;
     let k = moment.derivatives.iter().position(|d| *d == derivative)?;
     // The constant, first, stands for itself.
-    let alone = |k: usize| moment.inflation[k] <= MOST_INFLATION;
-    k.checked_sub(1)
-        .is_none_or(alone)
-        .then_some(moment.refitted[k])
+    let is_alone = k == 0 || moment.inflation[k - 1] <= MOST_INFLATION;
+    is_alone.then_some(moment.refitted[k])
 }
 
 /// The first and the second half of every stretch.
@@ -307,7 +308,8 @@ fn unseen(fitted: &[Fitted<'_>]) -> Vec<MotionError> {
         };
         let file = vec![0.0; own.view.theta.len()];
         let [before, after] = [&file, &other.view.theta].map(|theta| aircraft_of(theta));
-        histories.extend(told(study, &own.view, &before, &after));
+        let noise = &own.view.noise;
+        histories.extend(histories::histories(study, noise, [&before, &after]));
     }
     windows::errors(&histories)
 }

@@ -228,7 +228,11 @@ fn grown_by_one(front: &[Model], count: usize) -> BTreeSet<Vec<usize>> {
 
 /// How much more the score varies from block to block than the information says, by columns
 /// that the model's own parameters span: the median over columns of the ratio, at least 1.
-pub fn dispersion(blocks: &[Block], fitted: &DVector<f64>, columns: usize) -> f64 {
+pub fn dispersion(
+    blocks: &[Block],
+    fitted: &DVector<f64>,
+    columns: impl Iterator<Item = usize>,
+) -> f64 {
     let n = blocks.len() as f64;
     let ratio = |k: usize| {
         let score = |block: &Block| block.b[k] - (block.a.row(k) * fitted)[0];
@@ -238,7 +242,7 @@ pub fn dispersion(blocks: &[Block], fitted: &DVector<f64>, columns: usize) -> f6
         let information: f64 = blocks.iter().map(|block| block.a[(k, k)]).sum();
         (information > 0.0).then(|| squares * n / (n - 1.0) / information)
     };
-    super::gate::median((0..columns).filter_map(ratio).collect()).max(1.0)
+    super::gate::median(columns.filter_map(ratio).collect()).max(1.0)
 }
 
 /// What of a dispersion over so many blocks is more than chance may add to 1.

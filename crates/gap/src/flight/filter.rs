@@ -60,10 +60,6 @@ pub struct Aside {
     pub world: World,
     /// The step.
     pub step: f64,
-    /// Whether motion changes (else only what sensors tell).
-    pub moves: bool,
-    /// Whether the air is the same.
-    pub same_air: bool,
 }
 
 /// Columns whose derivatives a pass takes.
@@ -257,12 +253,8 @@ impl Filter<'_> {
         // Derivatives in the middle of the step hold to its second order.
         let between = self.mean.midway(&next);
         let middle = Seen::of(self.segment, self.world, i, between, true);
-        let step = Transition::of(
-            &middle.slopes(),
-            dt,
-            self.world.at(i).parts_of(i),
-            sensitivity.is_some(),
-        );
+        let parts = self.world.at(i).parts_of(i);
+        let step = Transition::of(&middle.slopes(), dt, parts);
         if let Some(s) = sensitivity {
             s.predict(&middle, &step);
         }
@@ -331,26 +323,9 @@ impl<'a> Seen<'a> {
         self.world.meets(self.segment, self.i, &flow)
     }
 
-    /// What is felt in a world a step aside.
-    pub fn felt_in(&self, aside: &Aside) -> Felt {
-        let world = aside.world.at(self.i);
-        let controls = if world.shares_controls_with(self.world) {
-            self.controls
-        } else {
-            world.controls(self.i, self.on_the_way)
-        };
-        let around = if aside.same_air {
-            self.around
-        } else {
-            world.around(self.i, &self.mean)
-        };
-        world.felt(
-            self.segment,
-            self.i,
-            &self.mean.body.rate,
-            &around,
-            &controls,
-        )
+    /// The same in another world.
+    pub fn within(&self, world: &'a World) -> Self {
+        Self::of(self.segment, world, self.i, self.mean, self.on_the_way)
     }
 
     /// What the sensors read, SI.

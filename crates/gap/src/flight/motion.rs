@@ -226,20 +226,9 @@ impl World {
         self.at(usize::MAX)
     }
 
-    /// Whether both fly in the same air and feel its gusts alike.
-    pub fn shares_air_with(&self, other: &Self) -> bool {
-        let alike = |a: &Self, b: &Self| a.gradient == b.gradient && a.wind == b.wind;
-        alike(self, other) && alike(self.last(), other.last())
-    }
-
-    /// Whether the surfaces of both move alike.
-    pub fn shares_controls_with(&self, other: &Self) -> bool {
-        Arc::ptr_eq(&self.controls, &other.controls)
-    }
-
     /// What the aircraft meets at sample `i` in this flow.
     pub fn meets(&self, segment: &Segment, i: usize, flow: &Flow) -> Meeting {
-        let controls = self.controls_at(i);
+        let controls = self.controls(i, false);
         Meeting {
             along: [segment.time_s[i], flow.airspeed, flow.alpha],
             angles: [controls.aileron, controls.elevator, controls.rudder],
@@ -272,24 +261,6 @@ impl World {
         flow(&BODY, air, &[0.0; 3])
     }
 
-    /// What the air's own turning adds: angular acceleration (rad/s²) and specific force (m/s²).
-    fn turned(
-        &self,
-        around: &Around,
-        rate: &[f64; 3],
-        controls: &Controls,
-        density: f64,
-    ) -> ([f64; 3], [f64; 3]) {
-        let flow = Self::flow(&around.air);
-        let load = |rate| self.dynamics.load(&flow, rate, controls, density);
-        let ((force, moment), (calm_force, calm_moment)) = (load(&around.rate), load(rate));
-        let moment = std::array::from_fn(|k| moment[k] - calm_moment[k]);
-        (
-            self.dynamics.angular_acceleration(&[0.0; 3], &moment),
-            std::array::from_fn(|k| (force[k] - calm_force[k]) / self.dynamics.mass_kg()),
-        )
-    }
-
     /// The state at sample `i + 1` from that at `i`.
     pub fn step(&self, segment: &Segment, i: usize, mean: &Mean) -> Mean {
         let dt = segment.time_s[i + 1] - segment.time_s[i];
@@ -301,15 +272,22 @@ impl World {
         let substeps = &self.controls[i];
         let part = dt / substeps.len() as f64;
         let around = self.around(i, mean);
-        let (mut spin, mut push) =
-            self.turned(&around, &mean.body.rate, &substeps[0][0], air.density);
+        let felt = |rate: [f64; 3]| {
+            let around = Around { rate, ..around };
+            self.felt(segment, i, &mean.body.rate, &around, &substeps[0][0])
+        };
+        let (turned, calm) = (felt(around.rate), felt(mean.body.rate));
         // What a disturbance that fades is in the mean of the interval.
         let through = DISTURBANCE_S * (1.0 - (-dt / DISTURBANCE_S).exp()) / dt;
-        let (spun, pushed) = (mean.some::<3>(SPUN), mean.some::<3>(PUSHED));
-        for k in 0..3 {
-            spin[k] += through * spun[k];
-            push[k] += through * pushed[k];
-        }
+        // What the air's own turning adds, and disturbances.
+        let added = |place: usize, disturbance: [f64; 3]| -> [f64; 3] {
+            let of = |k: usize| turned[place + k] - calm[place + k] + through * disturbance[k];
+            std::array::from_fn(of)
+        };
+        let (mut spin, mut push) = (
+            added(SPIN, mean.some(SPUN)),
+            added(FORCE, mean.some(PUSHED)),
+        );
         if let Some(nameless) = &self.nameless {
             let met = self.meets(segment, i, &Self::flow(&around.air));
             nameless.disturb(&met, &mut spin, &mut push);
@@ -367,41 +345,20 @@ impl World {
         read
     }
 
-    /// Surfaces and motor at sample `i`, or in the mean of the way after it.
-    pub fn controls(&self, i: usize, on_the_way: bool) -> Controls {
-        if on_the_way {
-            self.controls_through(i)
-        } else {
-            self.controls_at(i)
-        }
-    }
-
-    /// Surfaces and motor in the mean of the way after sample `i`, by Simpson's rule as in the step.
-    fn controls_through(&self, i: usize) -> Controls {
-        let substeps = &self.controls[i];
-        let mean = |of: fn(&Controls) -> f64| {
-            let each = substeps.iter();
-            let each = each.map(|[a, b, c]| (of(a) + 4.0 * of(b) + of(c)) / 6.0);
-            each.sum::<f64>() / substeps.len() as f64
-        };
-        Controls {
-            elevator: mean(|c| c.elevator),
-            aileron: mean(|c| c.aileron),
-            rudder: mean(|c| c.rudder),
-            throttle: mean(|c| c.throttle),
-        }
-    }
-
     /// Parts in which the interval after sample `i` is integrated.
     pub fn parts_of(&self, i: usize) -> usize {
         self.controls[i].len()
     }
 
-    /// Surfaces and motor at sample `i`.
-    fn controls_at(&self, i: usize) -> Controls {
-        match self.controls.get(i) {
-            Some(substeps) => substeps[0][0],
-            None => self.controls[i - 1][self.controls[i - 1].len() - 1][2],
+    /// Surfaces and motor at sample `i`, or in the middle of the way after it.
+    pub fn controls(&self, i: usize, on_the_way: bool) -> Controls {
+        let Some(substeps) = self.controls.get(i) else {
+            return self.controls[i - 1][self.controls[i - 1].len() - 1][2];
+        };
+        match (on_the_way, substeps.len()) {
+            (false, _) => substeps[0][0],
+            (true, count) if count % 2 == 1 => substeps[count / 2][1],
+            (true, count) => substeps[count / 2][0],
         }
     }
 
@@ -414,7 +371,7 @@ impl World {
         rate: [f64; 3],
     ) -> [f64; 3] {
         let flow = Self::flow(&through_air(speed, alpha, beta));
-        let controls = self.controls_at(i);
+        let controls = self.controls(i, false);
         let density = segment.density[i];
         self.dynamics.load(&flow, &rate, &controls, density).1
     }
@@ -448,15 +405,9 @@ fn kick(body: &mut Body, spin: &[f64; 3], push: &[f64; 3], dt_s: f64) {
 /// What the surfaces do when told what the log tells, after delay and servo.
 fn surfaces(dynamics: &Dynamics, segment: &Segment) -> Vec<Substeps> {
     let plan = dynamics.aircraft();
-    let mut told = Told {
-        segment,
-        delay: plan.surfaces.delay_s,
-        at: 0,
-    };
-    let first = told.mean(segment.time_s[0], segment.time_s[0] + 1e-3);
-    let mut servos = dynamics
-        .servo_angles(&first)
-        .map(|angle| Servo { angle, rate: 0.0 });
+    let told = Told::new(segment, plan.surfaces.delay_s);
+    let first = dynamics.servo_angles(&told.mean(segment.time_s[0], segment.time_s[0] + 1e-3));
+    let mut servos = first.map(|angle| Servo { angle, rate: 0.0 });
     let mut motor = segment.command[0].throttle;
     let mut lag: Option<(f64, LagStep)> = None;
     let mut now: Option<Controls> = None;
@@ -493,33 +444,49 @@ fn surfaces(dynamics: &Dynamics, segment: &Segment) -> Vec<Substeps> {
 
 /// Commands as they come to the servos: held between samples, late by a delay.
 struct Told<'a> {
-    segment: &'a Segment,
-    delay: f64,
-    at: usize,
+    time_s: &'a [f64],
+    delay_s: f64,
+    /// Elevator, aileron and rudder sample by sample, and their integrals up to it.
+    angles: Vec<[[f64; 3]; 2]>,
 }
 
-impl Told<'_> {
-    /// The mean command from `from` to `to` (s, ascending from call to call): continuous in the
-    /// delay, so that it can be fitted.
-    fn mean(&mut self, from: f64, to: f64) -> SurfaceCommand {
-        let time = &self.segment.time_s;
-        let (from, to) = (from - self.delay, to - self.delay);
-        while self.at + 1 < time.len() && time[self.at + 1] <= from {
-            self.at += 1;
+impl<'a> Told<'a> {
+    fn new(segment: &'a Segment, delay_s: f64) -> Self {
+        let time_s = &segment.time_s[..];
+        let mut sum = [0.0; 3];
+        let told = |(i, c): (usize, &SurfaceCommand)| {
+            let (now, before) = ([c.elevator_rad, c.aileron_rad, c.rudder_rad], sum);
+            let held_s = time_s.get(i + 1).map_or(0.0, |next| next - time_s[i]);
+            sum = std::array::from_fn(|k| before[k] + held_s * now[k]);
+            [now, before]
+        };
+        Self {
+            time_s,
+            delay_s,
+            angles: segment.command.iter().enumerate().map(told).collect(),
         }
-        let mut sum = SurfaceCommand::default();
-        let (mut k, mut start) = (self.at, from);
-        loop {
-            let end = time.get(k + 1).map_or(to, |next| next.min(to));
-            let weight = (end - start) / (to - from);
-            let c = &self.segment.command[k];
-            sum.elevator_rad += weight * c.elevator_rad;
-            sum.aileron_rad += weight * c.aileron_rad;
-            sum.rudder_rad += weight * c.rudder_rad;
-            if end >= to || k + 1 >= time.len() {
-                return sum;
-            }
-            (k, start) = (k + 1, end);
+    }
+
+    /// The integral up to a time.
+    fn integral(&self, at_s: f64) -> [f64; 3] {
+        let i = self
+            .time_s
+            .partition_point(|t| *t <= at_s)
+            .saturating_sub(1);
+        let [now, before] = self.angles[i];
+        std::array::from_fn(|k| before[k] + (at_s - self.time_s[i]) * now[k])
+    }
+
+    /// The mean command from `from` to `to`, s: continuous in the delay, so that it can be fitted.
+    fn mean(&self, from: f64, to: f64) -> SurfaceCommand {
+        let [before, after] = [from, to].map(|t| self.integral(t - self.delay_s));
+        let [elevator_rad, aileron_rad, rudder_rad] =
+            std::array::from_fn(|k| (after[k] - before[k]) / (to - from));
+        SurfaceCommand {
+            elevator_rad,
+            aileron_rad,
+            rudder_rad,
+            ..SurfaceCommand::default()
         }
     }
 }

@@ -10,7 +10,7 @@
 use super::evidence::{Model, Word, sum};
 use super::noise::Noise;
 use super::normal::Block;
-use super::study::{Linear, Onset, Study};
+use super::study::{Linear, Onset, STEP, Study};
 use crate::verdict::Measured;
 use nalgebra::{DMatrix, DVector};
 
@@ -128,9 +128,9 @@ fn promise(
     plain: &Model,
 ) -> Option<Promise> {
     let with = study.with_onset(onset);
-    let word = word_of(&with, blocks, dispersion, |b| {
-        f64::from(b.from_s >= onset.at_s)
-    });
+    let places: Vec<usize> = (0..with.of_mechanisms()).collect();
+    let sets_in = |b: &Block| f64::from(b.from_s >= onset.at_s);
+    let word = word_of(&with, blocks, dispersion, &places, sets_in);
     let mut sets = vec![Vec::new(), plain.set.clone()];
     sets.extend(plain.set.iter().map(|out| {
         let rest = plain.set.iter().filter(|k| *k != out);
@@ -147,18 +147,23 @@ fn promise(
     (nats > PROMISING_NATS).then_some(Promise { onset, set, nats })
 }
 
-/// Whether what sets in began at once: as a change that takes some time the data are less probable.
-fn is_sudden(with: &Study<'_>, now: &Linear) -> bool {
+/// Whether the candidate `late` of the best set began at once: as a change that takes some time the data are less
+/// probable.
+fn is_sudden(with: &Study<'_>, now: &Linear, late: usize) -> bool {
     let Some(onset) = with.onset else {
         return false;
     };
     let block_s = edge_s(with);
     let (blocks, _) = with.blocks(&now.theta, &now.noise, block_s);
+    let mut candidates = with.candidates.clone();
+    let grown = &mut candidates[late].columns;
+    let places: Vec<usize> = grown.iter().map(|j| j - with.first_late()).collect();
+    *grown = (with.width()..with.width() + places.len()).collect();
     let value = |grown: &dyn Fn(f64) -> f64| {
         let weight = |b: &Block| grown(0.5 * (b.from_s + b.to_s)).clamp(0.0, 1.0);
-        let word = word_of(with, &blocks, now.word.dispersion, weight);
+        let word = word_of(with, &blocks, now.word.dispersion, &places, weight);
         let set = now.models[0].set.clone();
-        word.model(&with.candidates, set, 0.0).log_evidence
+        word.model(&candidates, set, 0.0).log_evidence
     };
     let sudden = value(&|t| (t - onset.at_s) / block_s + 0.5);
     let [from_s, to_s] = with.onsets_s(onset.log, 0.5 * block_s);
@@ -169,12 +174,13 @@ fn is_sudden(with: &Study<'_>, now: &Linear) -> bool {
     gradual.into_iter().all(|g| sudden - g >= SUDDEN_NATS)
 }
 
-/// The data's word where the mechanisms of the onset have grown to a part of their size in each block of its log: their
-/// columns are those of the same parameters times that part.
+/// The data's word with further columns: those of the parameters at `places` from when they have grown to a part of their
+/// size in each block of the onset's log.
 fn word_of(
     with: &Study<'_>,
     blocks: &[Block],
     dispersion: f64,
+    places: &[usize],
     grown: impl Fn(&Block) -> f64,
 ) -> Word {
     // Sums of the blocks, of their parts, and of the parts of their parts.
@@ -192,9 +198,14 @@ fn word_of(
         }
     }
     // Each column's own in the blocks, and whether it counts by its part.
-    let known = with.first_late();
-    let own = |j: usize| if j < known { (j, 0) } else { (j - known, 1) };
-    let n = known + with.of_mechanisms();
+    let own = |j: usize| {
+        if j < width {
+            (j, 0)
+        } else {
+            (places[j - width], 1)
+        }
+    };
+    let n = width + places.len();
     let a = DMatrix::from_fn(n, n, |i, j| {
         let ((i, i_part), (j, j_part)) = (own(i), own(j));
         sums[i_part + j_part].0[(i, j)]
@@ -214,7 +225,7 @@ fn descend<'a>(
     let mut now = with.linearise(extended(&with, &first.theta), first.noise.clone());
     let mut set = promise.set.clone();
     for _ in 0..ROUNDS {
-        let theta = with.step_towards(&now, &set);
+        let theta = with.step_towards(&now, &set, STEP);
         let noise = with.noise(&theta, now.noise.clone(), NOISE_STEPS);
         let moved = moved(&with, &theta, &noise, now.word.dispersion);
         let shift_s = (moved.onset.at_s - with.onset?.at_s).abs();
@@ -233,9 +244,10 @@ fn descend<'a>(
             break;
         }
     }
-    now = with.refitted(now);
-    let is_late = with.has_late(&now.models[0].set) && is_sudden(&with, &now);
-    is_late.then_some((with, now))
+    let set = now.models[0].set.iter().copied();
+    let late: Vec<usize> = set.filter(|k| with.has_late(&[*k])).collect();
+    let sets_in = !late.is_empty() && late.iter().all(|k| is_sudden(&with, &now, *k));
+    sets_in.then_some((with, now))
 }
 
 /// Where an onset went.

@@ -52,8 +52,8 @@ pub struct Parameter {
     pub prior_sd: Option<f64>,
     /// Step of numerical derivatives.
     pub step: f64,
-    /// Whether it changes how the aircraft moves (else only what sensors tell).
-    pub moves: bool,
+    /// Whether it changes what sensors tell, and not how the aircraft moves.
+    pub of_sensors: bool,
     /// Whether it changes the surfaces' motion.
     pub servo: bool,
 }
@@ -69,7 +69,7 @@ impl Parameter {
             law_sd: 0.0,
             prior_sd: None,
             step,
-            moves: true,
+            of_sensors: false,
             servo: false,
         }
     }
@@ -149,7 +149,7 @@ pub fn all(aircraft: &Aircraft, gated: &Gated, logs: usize) -> Vec<Parameter> {
 pub fn unknown(aircraft: &Aircraft, gated: &Gated, logs: usize) -> Vec<Parameter> {
     let is_delay = |p: &Parameter| p.name.starts_with("actuator-delay");
     let mut parameters = mechanisms(gated);
-    parameters.retain(|p| !p.moves || is_delay(p));
+    parameters.retain(|p| p.of_sensors || is_delay(p));
     for p in &mut parameters {
         let wide = p.prior_sd.take().filter(|_| is_delay(p));
         p.tolerance = wide.unwrap_or(p.tolerance);
@@ -237,7 +237,7 @@ fn mechanisms(gated: &Gated) -> Vec<Parameter> {
             parameters.push(Parameter {
                 law_sd,
                 prior_sd: Some(p.prior_sd),
-                moves: spec.acts_on != ActsOn::Sensors,
+                of_sensors: spec.acts_on == ActsOn::Sensors,
                 servo: is_delay || matches!(spec.id, "actuator-lag" | "surface-trim-offset"),
                 ..Parameter::new(name, p.unit, Effect::Mechanism(m, k), tolerance, step)
             });

@@ -130,8 +130,7 @@ impl Terms {
     }
 
     /// What one standard deviation of each column is at an instant, SI, with what it acts on.
-    pub fn at(&self, met: &Meeting) -> impl Iterator<Item = (Target, f64)> {
-        let met = *met;
+    pub fn at(&self, met: Meeting) -> impl Iterator<Item = (Target, f64)> {
         let bases: [_; 3] = std::array::from_fn(|c| basis(c, self.ranges[c], met.along[c]));
         self.groups.iter().flat_map(move |group| {
             let (mut basis, mut power) = (bases[group.along], 1.0);
@@ -164,7 +163,7 @@ impl Nameless {
     }
 
     fn each(&self, met: &Meeting) -> impl Iterator<Item = (Target, f64)> {
-        let terms = self.terms.at(met).zip(&self.values);
+        let terms = self.terms.at(*met).zip(&self.values);
         let at_work = terms.filter(|(_, v)| **v != 0.0);
         at_work.map(|((target, one), v)| (target, one * v))
     }

@@ -8,7 +8,7 @@ use fdm::mechanism::CATALOGUE;
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::channel::{CHANNELS, at};
-use super::equation_error::EquationError;
+use super::equation_error::{self, EquationError};
 use super::evidence::{Candidate, Kind, Model, Word, beyond_chance, dispersion, sum, with_priors};
 use super::filter::{Aside, Columns, Keep, Pass, run};
 use super::gate::{Gated, Segment};
@@ -39,22 +39,10 @@ const FAULT_FACTOR: f64 = 3.0;
 const BLOCKS: f64 = 40.0;
 /// Shortest block, s.
 const BLOCK_S: f64 = 5.0;
-/// Times the variance of an acceleration that the published moment may leave and still be near.
-const FAR_OFF: f64 = 1.5;
 /// Most linearisations on one way.
 const ROUNDS: usize = 3;
-/// Most ways gone.
-const RIVALS: usize = 3;
-/// Part of its gain by which a rival may seem worse than the best and still be looked at.
-const RIVAL_PART: f64 = 0.5;
-
 /// Parts of a step that are tried, and what one may lose, nats: chance does as much.
-const STEP_TRIES: usize = 3;
-const STEP_NATS: f64 = 1.0;
-/// The same of a step with all coefficients free, thirty at a time: with the gains held the score that is nil at its
-/// end is not the slope of what is scored, and one nat for each may be lost; beyond, the filter has lost the flight.
-const TRIES_WITHOUT_SETS: usize = 4;
-const LOST_NATS: f64 = 30.0;
+pub const STEP: (i32, f64) = (3, 1.0);
 
 /// Most steps of a fit of the noise from nothing, from what it was nearby, and from what a share of
 /// the data told.
@@ -175,13 +163,6 @@ impl<'a> Study<'a> {
     pub fn seen_with_own_noise(&self, theta: Vec<f64>, noise: Noise) -> Linear {
         let noise = self.noise(&theta, noise, NOISE_STEPS[1]);
         self.linearise(theta, noise)
-    }
-
-    /// The data seen from where those of `from` lead, whose score is then nil; half the way, and so on, where the filter
-    /// loses the flight on it.
-    pub fn on_towards(&self, from: &Linear) -> Linear {
-        let (theta, _) = self.part_of_way(from, &[], TRIES_WITHOUT_SETS, LOST_NATS);
-        self.seen_with_own_noise(theta, from.noise.clone())
     }
 
     /// What may be at work, from what the parameters are.
@@ -351,6 +332,19 @@ impl<'a> Study<'a> {
         theta
     }
 
+    /// What accelerations say without a filter, where rows are close enough to tell it.
+    pub fn equation_error(&self) -> EquationError {
+        let start = self.start();
+        let all = &self.gated.segments;
+        let segments = if self.gated.tells_delays {
+            &all[..]
+        } else {
+            &[]
+        };
+        let worlds: Vec<World> = segments.iter().map(|s| self.world(s, &start)).collect();
+        equation_error::analyse(segments, &worlds, self.aircraft)
+    }
+
     /// Fits the noise at `theta`.
     pub fn noise(&self, theta: &[f64], from: Noise, steps: usize) -> Noise {
         let flown = |s: &'a Segment| (s, self.world(s, theta));
@@ -380,13 +374,10 @@ impl<'a> Study<'a> {
             let mut aside = theta.to_vec();
             aside[*column] += parameter.step;
             let like = (!parameter.servo).then_some(base);
-            let world = self.world_like(segment, &aside, like);
             Aside {
                 column: *column,
-                same_air: world.shares_air_with(base),
-                world,
+                world: self.world_like(segment, &aside, like),
                 step: parameter.step,
-                moves: parameter.moves,
             }
         };
         Columns {
@@ -426,7 +417,8 @@ impl<'a> Study<'a> {
         let here = DVector::from_column_slice(&theta);
         let (a, b) = sum(&blocks);
         let fitted = self.posterior(&a, &b, &[]).0;
-        let dispersion = dispersion(&blocks, &fitted, self.parameters.len());
+        let own = (0..self.parameters.len()).chain(self.first_late()..self.width());
+        let dispersion = dispersion(&blocks, &fitted, own);
         for block in &mut blocks {
             block.a *= self.stand_for;
             block.b *= self.stand_for;
@@ -510,18 +502,26 @@ impl<'a> Study<'a> {
     ///
     /// # Errors
     /// [`GapError::Data`] when the filter leaves the finite numbers at the base.
-    pub fn look(
-        &self,
-        equation_error: &EquationError,
-        progress: &mut dyn FnMut(f64),
-    ) -> Result<(Linear, Linear), GapError> {
+    pub fn look(&self, progress: &mut dyn FnMut(f64)) -> Result<(Linear, Linear), GapError> {
         let thin = self.gated.thinned(SEARCH_STRETCHES);
         let share = Study {
             gated: &thin,
             stand_for: self.gated.rows() as f64 / thin.rows() as f64,
             ..self.clone()
         };
-        let (first, last) = share.search(equation_error, &mut |part| progress(0.75 * part))?;
+        let start = share.seen_from_start(&[share.start()]);
+        progress(0.25);
+        let first = share.descend(start, &[], false);
+        if !first.log_score.is_finite() {
+            return Err(GapError::Data {
+                what: "flight".into(),
+                problem: "the flight model cannot follow the measured motion".into(),
+                expected: "the aircraft of the file in normal flight".into(),
+            });
+        }
+        progress(0.33);
+        let last = share.descend(first.clone(), &first.models[0].set, true);
+        progress(0.75);
         if share.stand_for <= 1.0 {
             return Ok((first, last));
         }
@@ -530,168 +530,48 @@ impl<'a> Study<'a> {
         Ok((first, self.linearise(last.theta, noise)))
     }
 
-    fn search(
-        &self,
-        equation_error: &EquationError,
-        progress: &mut dyn FnMut(f64),
-    ) -> Result<(Linear, Linear), GapError> {
-        let mut theta = self.start();
-        let mut noise = self.noise(&theta, Noise::usual(), NOISE_STEPS[0]);
-        progress(0.2);
-        if let Some(far) = self.far_start(&theta, equation_error) {
-            let other = self.noise(&far, noise.clone(), NOISE_STEPS[1]);
-            if self.log_score(&far, &other) > self.log_score(&theta, &noise) {
-                (theta, noise) = (far, other);
-            }
-        }
-        progress(0.3);
-        let first = self.settled(self.linearise(theta, noise));
-        if !first.log_score.is_finite() {
-            return Err(GapError::Data {
-                what: "flight".into(),
-                problem: "the flight model cannot follow the measured motion".into(),
-                expected: "the aircraft of the file in normal flight".into(),
-            });
-        }
-        progress(0.4);
-        let mut last = first.clone();
-        let descents = infer::parallel_map(&rivals(&first), |set| self.descend(&first, set));
-        for (k, next) in descents.into_iter().enumerate() {
-            if let Some(next) = next
-                && (k == 0 || next.log_posterior > last.log_posterior)
-            {
-                last = next;
-            }
-            progress(0.4 + 0.15 * (k + 1) as f64);
-        }
-        Ok((first, self.refitted(last)))
-    }
-
-    /// The base where it fits best, with the noise that it has there.
-    pub fn settled(&self, from: Linear) -> Linear {
-        let mut base = from;
+    /// Goes from `now` where `set` leads, and where what is best there leads if it `follows`, the noise fitted on the way,
+    /// until that stays; without following, as far as something is gained.
+    pub fn descend(&self, mut now: Linear, set: &[usize], follows: bool) -> Linear {
+        let mut set = set.to_vec();
         for _ in 0..ROUNDS {
-            let theta = self.step_towards(&base, &[]);
-            let next = self.seen_with_own_noise(theta, base.noise.clone());
-            let gained = next.log_posterior - base.log_posterior;
-            if gained > 0.0 {
-                base = next;
-            }
-            if gained.is_nan() || gained < SETTLED_NATS {
-                break;
-            }
-        }
-        base
-    }
-
-    /// Goes where `set` leads from `from` and looks again, until what is best there stays; none
-    /// where it leads nowhere.
-    fn descend(&self, from: &Linear, set: &[usize]) -> Option<Linear> {
-        let mut best = set.to_vec();
-        let mut last: Option<Linear> = None;
-        for _ in 0..ROUNDS {
-            let now = last.as_ref().unwrap_or(from);
-            let next = self.linearise(self.step_towards(now, &best), now.noise.clone());
-            if !next.log_score.is_finite() {
-                break;
-            }
-            let stays = next.models[0].set == best;
-            best.clone_from(&next.models[0].set);
-            last = Some(next);
-            if stays {
-                break;
-            }
-        }
-        last
-    }
-
-    /// The same point with the noise fitted there, where that is better.
-    pub fn refitted(&self, from: Linear) -> Linear {
-        let fitted = self.seen_with_own_noise(from.theta.clone(), from.noise.clone());
-        if fitted.log_posterior > from.log_posterior {
-            fitted
-        } else {
-            from
-        }
-    }
-
-    /// Where the published moments are far off, the point to which equation error leads: steps
-    /// from the published model alone would end in a valley where disturbances explain all.
-    fn far_start(&self, near: &[f64], told: &EquationError) -> Option<Vec<f64>> {
-        let off = told
-            .moments
-            .iter()
-            .any(|m| m.published_leaves * (1.0 - m.published_constant_part) > FAR_OFF * m.variance);
-        if !off {
-            return None;
-        }
-        let mut theta = near.to_vec();
-        let ratio = |axis: &str, name: &str| {
-            let m = told.moments.iter().find(|m| m.axis == axis)?;
-            let k = m.derivatives.iter().position(|d| *d == name)?;
-            Some(m.refitted[k] / m.published[k] - 1.0)
-        };
-        for (value, parameter) in theta.iter_mut().zip(&self.parameters) {
-            let start = match parameter.name.as_str() {
-                "actuator-delay.delay_s" => told.late().map(|late| late.value_s.max(0.0)),
-                "control-effectiveness.aileron_factor" => ratio("roll", "aileron"),
-                "control-effectiveness.elevator_factor" => ratio("pitch", "elevator"),
-                "control-effectiveness.rudder_factor" => ratio("yaw", "rudder"),
-                "roll-damping.factor" => ratio("roll", "p"),
-                "pitch-damping.factor" => ratio("pitch", "q"),
-                _ => None,
+            let theta = self.step_towards(&now, &set, STEP);
+            let next = self.seen_with_own_noise(theta, now.noise.clone());
+            let gained = next.log_posterior - now.log_posterior;
+            let (goes_on, ends) = if follows {
+                (next.log_score.is_finite(), next.models[0].set == set)
+            } else {
+                (gained > 0.0, gained < SETTLED_NATS)
             };
-            if let Some(start) = start {
-                *value = start.clamp(-0.9, 1.0);
+            if goes_on {
+                now = next;
+            }
+            if ends || !goes_on {
+                break;
+            }
+            if follows {
+                set.clone_from(&now.models[0].set);
             }
         }
-        Some(theta)
+        now
     }
 
-    /// As far towards the best point of `set` as the log score grows.
-    pub fn step_towards(&self, now: &Linear, set: &[usize]) -> Vec<f64> {
-        let (theta, kept) = self.part_of_way(now, set, STEP_TRIES, STEP_NATS);
-        if kept { theta } else { now.theta.clone() }
-    }
-
-    /// The way, half of it and so on, to the best point of `set`: the first of so many that loses less than `loss` nats,
-    /// else the last; and whether it does.
-    fn part_of_way(
-        &self,
-        now: &Linear,
-        set: &[usize],
-        tries: usize,
-        loss: f64,
-    ) -> (Vec<f64>, bool) {
+    /// The way, half of it and so on, to the best point of `set`: the first of so many parts that loses less than so many
+    /// nats; the point itself where none does.
+    pub fn step_towards(&self, now: &Linear, set: &[usize], (tries, loss): (i32, f64)) -> Vec<f64> {
         let target = self.theta_of(now, set);
-        let mut theta = now.theta.clone();
-        let mut part = 1.0;
-        for _ in 0..tries {
+        let on_the_way = |k: i32| {
             let way = now.theta.iter().zip(&target);
-            theta = way.map(|(from, to)| from + part * (to - from)).collect();
-            let score = self.log_score(&theta, &now.noise);
-            if score.is_finite() && score > now.log_score - loss {
-                return (theta, true);
-            }
-            part *= 0.5;
-        }
-        (theta, false)
+            way.map(|(from, to)| from + 0.5_f64.powi(k) * (to - from))
+                .collect()
+        };
+        let scores = |theta: &Vec<f64>| {
+            let score = self.log_score(theta, &now.noise);
+            score.is_finite() && score > now.log_score - loss
+        };
+        let kept = (0..tries).map(on_the_way).find(scores);
+        kept.unwrap_or_else(|| now.theta.clone())
     }
-}
-
-/// The sets from which the search goes on: the best as seen from the base, and where its effect is
-/// so large that this view may bend, its best rivals.
-fn rivals(first: &Linear) -> Vec<Vec<usize>> {
-    let best = &first.models[0];
-    let near = best.log_posterior - RIVAL_PART * best.log_score;
-    first
-        .models
-        .iter()
-        .filter(|m| !m.set.is_empty() && m.set.len() <= best.set.len())
-        .take_while(|m| m.log_posterior >= near)
-        .take(RIVALS)
-        .map(|m| m.set.clone())
-        .collect()
 }
 
 /// Mean wind of a log: velocity over ground minus that through the air, towards north and east.

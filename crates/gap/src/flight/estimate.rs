@@ -12,7 +12,6 @@
 use fdm::Aircraft;
 use serde::Serialize;
 
-use super::equation_error::EquationError;
 use super::evidence::sum;
 use super::gate::Gated;
 use super::log::FlightLog;
@@ -36,15 +35,10 @@ const TOLD_PART: f64 = 0.5;
 /// Flights of a flight model that shares nothing with this one (`gap-bench`, tests/flight_estimate.rs) are off by 2 to
 /// 6 per cent, a wing without a tail more than an aircraft with one.
 const LAW_PART: f64 = 0.05;
-/// A start is no farther from the file than so many of its standard deviations.
-const START_SD: f64 = 2.0;
 /// Parts of a step with all coefficients free that are tried, and what one may lose, nats: with the gains held the score
 /// that is nil at its end is not the slope of what is scored, and one nat for each of thirty may be lost; beyond, the
 /// filter has lost the flight.
 const STEP: (i32, f64) = (4, 30.0);
-/// Variance inflation above which equation error tells no start: its error is then ten times that of a regressor that
-/// stands alone.
-const MOST_INFLATION: f64 = 100.0;
 
 /// One coefficient.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -170,7 +164,7 @@ impl<'a> Fitted<'a> {
         let study = Study::of_unknown(aircraft, gated, logs);
         let mut view = match from {
             Some(view) => study.seen_with_own_noise(view.theta.clone(), view.noise.clone()),
-            None => study.seen_from_start(&start(&study)),
+            None => study.seen_from_start(),
         };
         let mut sds = stated(&study, &view);
         for _ in 0..ROUNDS {
@@ -236,33 +230,6 @@ fn neutral(aircraft: &Aircraft, parameter: &Parameter) -> Option<f64> {
         Effect::Mechanism(..) if parameter.servo => Some(aircraft.surfaces.delay_s),
         _ => None,
     }
-}
-
-/// Where the search may begin: at the file, and where equation error leads from it.
-fn start(study: &Study<'_>) -> Vec<Vec<f64>> {
-    let file = study.start();
-    let told = study.equation_error();
-    let mut led = file.clone();
-    for (value, parameter) in led.iter_mut().zip(&study.parameters) {
-        if let Effect::Coefficient(place) = parameter.effect
-            && let Some(refitted) = refitted(&told, &parameter.name)
-        {
-            let off = refitted - value_of(study.aircraft, place);
-            let most = START_SD * parameter.tolerance;
-            *value = off.clamp(-most, most);
-        }
-    }
-    vec![file, led]
-}
-
-/// What equation error says of a derivative of a moment, where other columns do not determine it.
-fn refitted(told: &EquationError, name: &str) -> Option<f64> {
-    let (axis, derivative) = name.split_once('.')?;
-    let moment = told.moments.iter().find(|m| m.axis == axis)?;
-    let k = moment.derivatives.iter().position(|d| *d == derivative)?;
-    // The constant, first, stands for itself.
-    let is_alone = k == 0 || moment.inflation[k - 1] <= MOST_INFLATION;
-    is_alone.then_some(moment.refitted[k])
 }
 
 /// The first and the second half of every stretch.

@@ -244,6 +244,7 @@ fn descend<'a>(
             break;
         }
     }
+    now = with.refitted(now);
     let set = now.models[0].set.iter().copied();
     let late: Vec<usize> = set.filter(|k| with.has_late(&[*k])).collect();
     let sets_in = !late.is_empty() && late.iter().all(|k| is_sudden(&with, &now, *k));

@@ -41,6 +41,10 @@ const BLOCKS: f64 = 40.0;
 const BLOCK_S: f64 = 5.0;
 /// Most linearisations on one way.
 const ROUNDS: usize = 3;
+/// Most ways gone.
+const RIVALS: usize = 3;
+/// Part of its gain by which a rival may seem worse than the best and still be looked at.
+const RIVAL_PART: f64 = 0.5;
 /// Parts of a step that are tried, and what one may lose, nats: chance does as much.
 pub const STEP: (i32, f64) = (3, 1.0);
 
@@ -148,15 +152,11 @@ impl<'a> Study<'a> {
         }
     }
 
-    /// The data seen from the best of `starts`, each with the noise that it has.
-    pub fn seen_from_start(&self, starts: &[Vec<f64>]) -> Linear {
-        let scored = starts.iter().map(|at| {
-            let noise = self.noise(at, Noise::usual(), NOISE_STEPS[0]);
-            (self.log_score(at, &noise).max(f64::NEG_INFINITY), at, noise)
-        });
-        let best = scored.max_by(|a, b| a.0.total_cmp(&b.0));
-        let (_, theta, noise) = best.unwrap_or((0.0, &starts[0], Noise::usual()));
-        self.linearise(theta.clone(), noise)
+    /// The data seen from the file's aircraft, with the noise that they have there.
+    pub fn seen_from_start(&self) -> Linear {
+        let start = self.start();
+        let noise = self.noise(&start, Noise::usual(), NOISE_STEPS[0]);
+        self.linearise(start, noise)
     }
 
     /// The data seen from `theta`, with the noise that they have there, near `noise`.
@@ -509,9 +509,9 @@ impl<'a> Study<'a> {
             stand_for: self.gated.rows() as f64 / thin.rows() as f64,
             ..self.clone()
         };
-        let start = share.seen_from_start(&[share.start()]);
+        let start = share.seen_from_start();
         progress(0.25);
-        let first = share.descend(start, &[], false);
+        let first = share.settled(start);
         if !first.log_score.is_finite() {
             return Err(GapError::Data {
                 what: "flight".into(),
@@ -520,7 +520,15 @@ impl<'a> Study<'a> {
             });
         }
         progress(0.33);
-        let last = share.descend(first.clone(), &first.models[0].set, true);
+        let ways = infer::parallel_map(&rivals(&first), |set| share.descend(&first, set));
+        let best = ways.into_iter().reduce(|best, way| {
+            if way.log_posterior > best.log_posterior {
+                way
+            } else {
+                best
+            }
+        });
+        let last = share.refitted(best.unwrap_or_else(|| first.clone()));
         progress(0.75);
         if share.stand_for <= 1.0 {
             return Ok((first, last));
@@ -530,30 +538,48 @@ impl<'a> Study<'a> {
         Ok((first, self.linearise(last.theta, noise)))
     }
 
-    /// Goes from `now` where `set` leads, and where what is best there leads if it `follows`, the noise fitted on the way,
-    /// until that stays; without following, as far as something is gained.
-    pub fn descend(&self, mut now: Linear, set: &[usize], follows: bool) -> Linear {
-        let mut set = set.to_vec();
+    /// The base where it fits best, with the noise that it has there.
+    pub fn settled(&self, mut base: Linear) -> Linear {
         for _ in 0..ROUNDS {
-            let theta = self.step_towards(&now, &set, STEP);
-            let next = self.seen_with_own_noise(theta, now.noise.clone());
-            let gained = next.log_posterior - now.log_posterior;
-            let (goes_on, ends) = if follows {
-                (next.log_score.is_finite(), next.models[0].set == set)
-            } else {
-                (gained > 0.0, gained < SETTLED_NATS)
-            };
-            if goes_on {
-                now = next;
+            let theta = self.step_towards(&base, &[], STEP);
+            let next = self.seen_with_own_noise(theta, base.noise.clone());
+            let gained = next.log_posterior - base.log_posterior;
+            if gained > 0.0 {
+                base = next;
             }
-            if ends || !goes_on {
+            if gained.is_nan() || gained < SETTLED_NATS {
                 break;
             }
-            if follows {
-                set.clone_from(&now.models[0].set);
+        }
+        base
+    }
+
+    /// Goes where `set` leads from `from` and looks again, until what is best there stays.
+    fn descend(&self, from: &Linear, set: &[usize]) -> Linear {
+        let (mut best, mut now) = (set.to_vec(), from.clone());
+        for _ in 0..ROUNDS {
+            let theta = self.step_towards(&now, &best, STEP);
+            let next = self.linearise(theta, now.noise.clone());
+            let stays = next.models[0].set == best;
+            if next.log_score.is_finite() {
+                best.clone_from(&next.models[0].set);
+                now = next;
+            }
+            if stays {
+                break;
             }
         }
         now
+    }
+
+    /// The same point with the noise fitted there, where that is better.
+    pub fn refitted(&self, from: Linear) -> Linear {
+        let fitted = self.seen_with_own_noise(from.theta.clone(), from.noise.clone());
+        if fitted.log_posterior > from.log_posterior {
+            fitted
+        } else {
+            from
+        }
     }
 
     /// The way, half of it and so on, to the best point of `set`: the first of so many parts that loses less than so many
@@ -572,6 +598,17 @@ impl<'a> Study<'a> {
         let kept = (0..tries).map(on_the_way).find(scores);
         kept.unwrap_or_else(|| now.theta.clone())
     }
+}
+
+/// The sets from which the search goes on: the best as seen from the base, and where its effect is
+/// so large that this view may bend, its best rivals.
+fn rivals(first: &Linear) -> Vec<Vec<usize>> {
+    let best = &first.models[0];
+    let near = best.log_posterior - RIVAL_PART * best.log_score;
+    let may_be = |m: &&Model| !m.set.is_empty() && m.set.len() <= best.set.len();
+    let rivals = first.models.iter().filter(may_be);
+    let rivals = rivals.take_while(|m| m.log_posterior >= near);
+    rivals.take(RIVALS).map(|m| m.set.clone()).collect()
 }
 
 /// Mean wind of a log: velocity over ground minus that through the air, towards north and east.

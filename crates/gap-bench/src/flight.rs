@@ -12,7 +12,6 @@ use crate::on_threads::on_threads;
 use fdm::Aircraft;
 use gap::flight::filter::huber;
 use gap::flight::log::FlightLog;
-use gap::flight::noise::Noise;
 use gap::flight::study::{Linear, Study};
 use gap::flight::{Finding, gain, gate};
 use gap::verdict::Verdict;
@@ -274,9 +273,7 @@ fn control(bench: &BenchAircraft<'_>, seed: u64) -> Result<Control, String> {
     let case = make(&FlightSpec::none(seed), bench.toml).ok_or("aircraft not read")?;
     let gated = gated(bench, &case)?;
     let study = Study::new(&bench.aircraft, &gated, 1);
-    let theta = study.start();
-    let noise = study.noise(&theta, Noise::usual(), 12);
-    let linear = study.settled(study.linearise(theta, noise));
+    let linear = study.settled(study.seen_from_start());
     Ok(Control {
         names: study.parameters.iter().map(|p| p.name.clone()).collect(),
         loss: loss(&study, &linear),

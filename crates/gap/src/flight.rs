@@ -16,7 +16,6 @@
 
 pub mod answer;
 pub mod channel;
-mod derived;
 pub mod equation_error;
 pub mod estimate;
 pub mod evidence;
@@ -39,8 +38,8 @@ pub mod rival;
 mod rough;
 mod sensitivity;
 pub mod study;
+mod suspect;
 mod transition;
-mod units;
 pub mod windows;
 
 use fdm::Aircraft;
@@ -53,7 +52,6 @@ use equation_error::EquationError;
 use gate::Gated;
 use histories::History;
 use log::FlightLog;
-use noise::Noise;
 use study::{Linear, Study};
 use windows::MotionError;
 
@@ -95,8 +93,6 @@ impl FlightReport {
 pub struct FlightDetail {
     /// What accelerations say without a filter.
     pub equation_error: EquationError,
-    /// Fitted noise of the extended aircraft.
-    pub noise: Noise,
     /// Factor by which the data's word was weakened, since their score varies that much more
     /// than independent innovations would.
     pub dispersion: f64,
@@ -131,20 +127,9 @@ impl<'a> Finding<'a> {
         progress: &mut dyn FnMut(f64),
     ) -> Result<Self, GapError> {
         let study = Study::new(aircraft, gated, logs);
-        let zero = study.start();
-        let worlds: Vec<_> = gated
-            .segments
-            .iter()
-            .map(|s| study.world(s, &zero))
-            .collect();
-        let segments: &[_] = if gated.tells_delays {
-            &gated.segments
-        } else {
-            &[]
-        };
-        let equation_error = equation_error::analyse(segments, &worlds, aircraft);
+        let equation_error = study.equation_error();
         progress(0.03);
-        let (first, last) = study.look(&equation_error, &mut |part| progress(0.03 + 0.8 * part))?;
+        let (first, last) = study.look(&mut |part| progress(0.03 + 0.8 * part))?;
         let (study, first, last) = onset::look(study, first, last);
         progress(0.93);
         let mut answer = answer::judge(&study, &last);
@@ -170,8 +155,8 @@ impl<'a> Finding<'a> {
         let base_theta = study.theta_of(&last, &[]);
         let mut theta = study.theta_of(&last, &answer.set);
         // What has no name is not in the extended aircraft.
-        theta[study.parameters.len()..].fill(0.0);
-        let histories = told(&study, &last, &base_theta, &theta);
+        theta[study.parameters.len()..study.first_late()].fill(0.0);
+        let histories = histories::histories(&study, &last.noise, [&base_theta, &theta]);
         let mut notices = study.gated.notices.clone();
         let extended = extend(study.aircraft, &answer, &mut notices);
         if answer.causes.iter().any(|c| c.onset_s.is_some()) {
@@ -214,7 +199,6 @@ impl<'a> Finding<'a> {
             gap,
             flight: FlightDetail {
                 equation_error,
-                noise: last.noise,
                 dispersion: last.word.dispersion,
                 motion,
             },
@@ -263,23 +247,6 @@ pub fn analyse(
     let report = Finding::of(aircraft, &gated, logs.len(), progress)?.report();
     progress(1.0);
     Ok(report)
-}
-
-/// Histories of all segments under base and extension.
-fn told(study: &Study<'_>, last: &Linear, base: &[f64], extended: &[f64]) -> Vec<History> {
-    let of = [base, extended].map(|theta| study.passes(theta, &last.noise));
-    let mut all = Vec::new();
-    for (k, segment) in study.gated.segments.iter().enumerate() {
-        let worlds = [base, extended].map(|theta| study.world(segment, theta));
-        let simulated: [Vec<_>; 2] =
-            std::array::from_fn(|v| histories::simulate(segment, &worlds[v], &of[v][k].means));
-        all.extend(histories::histories(
-            segment,
-            [&simulated[0], &simulated[1]],
-            [&of[0][k].standardised, &of[1][k].standardised],
-        ));
-    }
-    all
 }
 
 fn summary(answer: &Answer, equation_error: &EquationError) -> String {

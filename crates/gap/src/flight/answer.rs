@@ -1,10 +1,12 @@
 //! From the last view of the data to causes: sets that the data cannot tell apart, and what has no
 //! name.
 
-use fdm::mechanism::{CATALOGUE, Mechanism, spec};
+use fdm::mechanism::{CATALOGUE, Mechanism, ParameterSpec, spec};
+use nalgebra::DVector;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use super::evidence::{Candidate, Fit, sum};
+use super::evidence::{Kind, Model, sum};
+use super::normal::Block;
 use super::parameters::Effect;
 use super::study::{Linear, Study};
 use crate::verdict::{
@@ -14,6 +16,10 @@ use crate::verdict::{
 
 /// Probability of so large a score by chance, over all candidates, that a cause may have.
 const LARGEST_P: f64 = 0.01;
+/// Share of the weight of all rivals below which one is not in a set.
+const LEAST_SHARE: f64 = 0.01;
+/// Part of the strongest block's gain by which its neighbours gain where a nameless term lives.
+const NEIGHBOUR_PART: f64 = 0.2;
 /// Nats at which an effect is seen almost surely.
 const VISIBLE_NATS: f64 = 20.0;
 /// Times so far apart are different onsets, s: nearer ones the readings tell apart only by the answer of speed and attitude, which
@@ -43,19 +49,6 @@ pub(super) fn p_value(nats: f64, columns: usize, tried: usize) -> f64 {
     (tail * tried as f64).min(1.0)
 }
 
-fn name(study: &Study<'_>, candidate: usize) -> String {
-    if study.is_named(candidate) {
-        study.ids[candidate].to_owned()
-    } else {
-        study.terms.groups[candidate - study.ids.len()].words()
-    }
-}
-
-fn fit(study: &Study<'_>, last: &Linear, set: &[usize]) -> Fit {
-    let chosen: Vec<&Candidate> = set.iter().map(|&k| &study.candidates[k]).collect();
-    last.word.fit(&chosen)
-}
-
 /// Judges the last view.
 pub fn judge(study: &Study<'_>, last: &Linear) -> Answer {
     let best = &last.models[0];
@@ -64,41 +57,42 @@ pub fn judge(study: &Study<'_>, last: &Linear) -> Answer {
     let mut set = Vec::new();
     for &item in &best.set {
         let rest: Vec<usize> = best.set.iter().copied().filter(|&k| k != item).collect();
-        let without = fit(study, last, &rest);
-        let gain = best.fit.log_score - without.log_score;
-        let columns = study.candidates[item].columns.len();
-        let (columns, tried) = if study.has_late(&[item]) {
-            // Its onset is one number more, and could be at so many times.
-            let times = (study.flown_s() / ONSETS_APART_S).max(1.0);
-            (columns + 1, study.candidates.len() * times as usize)
+        let without = last.word.model(&study.candidates, rest.clone(), 0.0);
+        let gain = best.log_score - without.log_score;
+        // An onset is one number more, and could be at so many times.
+        let (more, times) = if study.has_late(&[item]) {
+            (1, (study.flown_s() / ONSETS_APART_S).max(1.0) as usize)
         } else {
-            (columns, study.candidates.len())
+            (0, 1)
         };
+        let columns = study.candidates[item].columns.len() + more;
         let evidence = Evidence {
             delta_log_score: gain,
-            delta_log_evidence: best.fit.log_evidence - without.log_evidence,
-            p_value: p_value(gain, columns, tried),
+            delta_log_evidence: best.log_evidence - without.log_evidence,
+            p_value: p_value(gain, columns, study.candidates.len() * times),
         };
         if evidence.p_value > LARGEST_P {
             continue;
         }
         set.push(item);
         let rivals = in_place_of(study, last, &rest);
-        if study.is_named(rivals[0].0) {
+        if let Kind::Nameless(group) = study.candidates[rivals[0].0].kind {
+            let found = nameless(
+                study,
+                last,
+                (rivals[0].0, group),
+                evidence.delta_log_evidence,
+            );
+            let stronger = |u: &Unexplained| u.delta_log_evidence < found.delta_log_evidence;
+            if unexplained.as_ref().is_none_or(stronger) {
+                unexplained = Some(found);
+            }
+        } else {
             causes.push(cause(study, last, evidence, &rivals));
-            continue;
-        }
-        let found = nameless(study, last, rivals[0].0, evidence.delta_log_evidence);
-        let stronger = |u: &Unexplained| u.delta_log_evidence < found.delta_log_evidence;
-        if unexplained.as_ref().is_none_or(stronger) {
-            unexplained = Some(found);
         }
     }
-    causes.sort_by(|a, b| {
-        b.evidence
-            .delta_log_evidence
-            .total_cmp(&a.evidence.delta_log_evidence)
-    });
+    let strength = |c: &Cause| c.evidence.delta_log_evidence;
+    causes.sort_by(|a, b| strength(b).total_cmp(&strength(a)));
     causes.dedup_by(|b, a| a.mechanisms == b.mechanisms && a.onset_s == b.onset_s);
     Answer {
         verdict: Verdict::of(&causes, unexplained.is_some()),
@@ -111,15 +105,13 @@ pub fn judge(study: &Study<'_>, last: &Linear) -> Answer {
 
 /// Every candidate beside `rest`, with the log evidence and prior that it brings; the best first.
 fn in_place_of(study: &Study<'_>, last: &Linear, rest: &[usize]) -> Vec<(usize, f64)> {
-    let mut rivals: Vec<(usize, f64)> = (0..study.candidates.len())
-        .filter(|k| !rest.contains(k))
-        .map(|k| {
-            let mut other = rest.to_vec();
-            other.push(k);
-            let evidence = fit(study, last, &other).log_evidence;
-            (k, evidence + study.candidates[k].log_prior)
-        })
-        .collect();
+    let evidence = |k: usize| {
+        let other = [rest, &[k]].concat();
+        last.word.model(&study.candidates, other, 0.0).log_evidence
+    };
+    let others = (0..study.candidates.len()).filter(|k| !rest.contains(k));
+    let judged = others.map(|k| (k, evidence(k) + study.candidates[k].log_prior));
+    let mut rivals: Vec<(usize, f64)> = judged.collect();
     rivals.sort_by(|a, b| b.1.total_cmp(&a.1));
     rivals
 }
@@ -132,20 +124,20 @@ fn cause(study: &Study<'_>, last: &Linear, evidence: Evidence, rivals: &[(usize,
     let weight = |v: f64| ((v - top) / doubt).exp();
     let total: f64 = rivals.iter().map(|r| weight(r.1)).sum();
     let mut probability = 0.0;
-    let mut mechanisms = Vec::new();
-    for &(k, value) in rivals.iter().filter(|r| study.is_named(r.0)) {
-        if probability >= named || weight(value) / total < 0.01 {
+    let mut mechanisms: Vec<String> = Vec::new();
+    for &(k, value) in rivals.iter().filter(|r| study.candidates[r.0].is_named()) {
+        if probability >= named || weight(value) / total < LEAST_SHARE {
             break;
         }
         probability += weight(value) / total;
-        let id = study.ids[k].to_owned();
-        if !mechanisms.contains(&id) {
-            mechanisms.push(id);
+        let name = &study.candidates[k].name;
+        if !mechanisms.contains(name) {
+            mechanisms.push(name.clone());
         }
     }
-    let inside =
-        |k: usize| study.is_named(k) && mechanisms.iter().any(|m| m.as_str() == study.ids[k]);
-    let next = rivals.iter().find(|r| !inside(r.0));
+    let next = rivals
+        .iter()
+        .find(|r| !mechanisms.contains(&study.candidates[r.0].name));
     Cause {
         parameters: parameters(study, last, &last.models[0].set, first),
         probability,
@@ -160,58 +152,45 @@ fn cause(study: &Study<'_>, last: &Linear, evidence: Evidence, rivals: &[(usize,
 
 /// Every candidate alone, as seen from the last view.
 fn ranking(study: &Study<'_>, last: &Linear) -> Vec<Ranked> {
-    let mut fits: Vec<(usize, f64, f64)> = (0..study.candidates.len())
-        .map(|k| {
-            let fit = last.word.fit(&[&study.candidates[k]]);
-            (k, fit.log_score, fit.log_evidence)
-        })
-        .collect();
-    fits.sort_by(|a, b| b.2.total_cmp(&a.2));
-    let top = fits[0].2;
-    let total: f64 = fits.iter().map(|f| (f.2 - top).exp()).sum();
-    fits.into_iter()
-        .map(|(k, score, evidence)| Ranked {
-            mechanisms: vec![name(study, k)],
-            platform: None,
-            delta_log_score: score,
-            log_evidence: evidence,
-            probability: (evidence - top).exp() / total,
-        })
-        .collect()
+    let alone = |k: usize| last.word.model(&study.candidates, vec![k], 0.0);
+    let mut fits: Vec<Model> = (0..study.candidates.len()).map(alone).collect();
+    fits.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+    let top = fits[0].log_evidence;
+    let total: f64 = fits.iter().map(|f| (f.log_evidence - top).exp()).sum();
+    let ranked = |f: &Model| Ranked {
+        mechanisms: vec![study.candidates[f.set[0]].name.clone()],
+        platform: None,
+        delta_log_score: f.log_score,
+        log_evidence: f.log_evidence,
+        probability: (f.log_evidence - top).exp() / total,
+    };
+    fits.iter().map(ranked).collect()
 }
 
 /// Where a nameless term lives: the block in which it gains most, with its neighbours that gain.
-fn nameless(study: &Study<'_>, last: &Linear, candidate: usize, evidence: f64) -> Unexplained {
-    let group = &study.terms.groups[candidate - study.ids.len()];
-    let columns = &study.candidates[candidate].columns;
-    let fit = last.word.fit(&[&study.candidates[candidate]]);
-    let gains: Vec<f64> = last
-        .blocks
-        .iter()
-        .map(|block| {
-            let mut gain = 0.0;
-            for (i, &j) in columns.iter().enumerate() {
-                gain += fit.values[i] * block.b[j];
-                for (k, &l) in columns.iter().enumerate() {
-                    gain -= 0.5 * fit.values[i] * fit.values[k] * block.a[(j, l)];
-                }
-            }
-            gain
-        })
-        .collect();
-    let strongest = (0..gains.len())
-        .max_by(|&a, &b| gains[a].total_cmp(&gains[b]))
-        .unwrap_or(0);
-    let (mut from, mut to) = (strongest, strongest);
-    while from > 0 && gains[from - 1] > 0.2 * gains[strongest] {
-        from -= 1;
+fn nameless(
+    study: &Study<'_>,
+    last: &Linear,
+    (candidate, group): (usize, usize),
+    evidence: f64,
+) -> Unexplained {
+    let fit = last.word.model(&study.candidates, vec![candidate], 0.0);
+    let mut values = DVector::zeros(study.width());
+    for (&j, value) in study.candidates[candidate].columns.iter().zip(&fit.values) {
+        values[j] = *value;
     }
-    while to + 1 < gains.len() && gains[to + 1] > 0.2 * gains[strongest] {
-        to += 1;
-    }
+    let gain = |block: &Block| values.dot(&block.b) - 0.5 * values.dot(&(&block.a * &values));
+    let gains: Vec<f64> = last.blocks.iter().map(gain).collect();
+    let most = gains.iter().copied().fold(f64::MIN, f64::max);
+    let strongest = gains.iter().position(|g| *g == most).unwrap_or(0);
+    let gains_too = |k: &usize| gains[*k] > NEIGHBOUR_PART * most;
+    let from = (0..strongest).rev().take_while(gains_too).last();
+    let to = (strongest + 1..gains.len()).take_while(gains_too).last();
+    let (from, to) = (from.unwrap_or(strongest), to.unwrap_or(strongest));
+    let group = &study.terms.groups[group];
     Unexplained {
         kind: UnexplainedKind::Discrepancy,
-        coordinate: group.coordinate.as_str().to_owned(),
+        coordinate: group.coordinate().to_owned(),
         term: group.words(),
         from_s: last.blocks[from].from_s,
         to_s: last.blocks[to].to_s,
@@ -224,22 +203,23 @@ fn nameless(study: &Study<'_>, last: &Linear, candidate: usize, evidence: f64) -
 /// Fitted parameters of one mechanism when `set` is at work. Their deviations have the whole
 /// dispersion: what chance may have added to it is as likely not chance.
 fn parameters(study: &Study<'_>, last: &Linear, set: &[usize], of: usize) -> Vec<Parameter> {
-    let mut set = set.to_vec();
-    if !set.contains(&of) {
-        set.push(of);
-    }
-    let (a, b) = sum(&last.blocks, None);
-    let (values, covariance) =
-        study.posterior(&(a / last.dispersion), &(b / last.dispersion), &set);
+    let (a, b) = sum(&last.blocks);
+    let (a, b) = (a / last.dispersion, b / last.dispersion);
+    let with = if set.contains(&of) {
+        set.to_vec()
+    } else {
+        [set, &[of]].concat()
+    };
+    let (values, covariance) = study.posterior(&a, &b, &with);
     study.candidates[of]
         .columns
         .iter()
         .filter_map(|&j| {
             // From an onset on what was there before stays.
-            let (before, m, k) = match study.parameters[j].effect {
-                Effect::Mechanism(m, k) => (None, m, k),
-                Effect::Later(place, m, k) => (Some(place), m, k),
-                _ => return None,
+            let before = j.checked_sub(study.first_late());
+            let parameter = &study.parameters[before.unwrap_or(j)];
+            let Effect::Mechanism(m, k) = parameter.effect else {
+                return None;
             };
             let of = |i: usize| covariance[(i, i)] + 2.0 * covariance[(i, j)];
             let variance = covariance[(j, j)] + before.map_or(0.0, of);
@@ -249,7 +229,7 @@ fn parameters(study: &Study<'_>, last: &Linear, set: &[usize], of: usize) -> Vec
                 mechanism: CATALOGUE[m].id.to_owned(),
                 name: p.name.to_owned(),
                 value: (p.neutral + value).clamp(p.low, p.high),
-                sd: variance.sqrt().hypot(study.parameters[j].law_sd),
+                sd: variance.sqrt().hypot(parameter.law_sd),
                 unit: p.unit.to_owned(),
             })
         })
@@ -258,7 +238,7 @@ fn parameters(study: &Study<'_>, last: &Linear, set: &[usize], of: usize) -> Vec
 
 /// The fitted base: tolerances that moved, and the winds.
 pub fn base(study: &Study<'_>, last: &Linear, set: &[usize]) -> Vec<BaseParameter> {
-    let (a, b) = sum(&last.blocks, None);
+    let (a, b) = sum(&last.blocks);
     let (values, covariance) = study.posterior(&a, &b, set);
     study
         .parameters
@@ -298,27 +278,21 @@ pub fn detectable(study: &Study<'_>, last: &Linear) -> Vec<Detectable> {
 
 /// The mechanisms of the first name of each cause, for an aircraft file: as they are once all have set in.
 pub fn extension(causes: &[Cause]) -> Vec<Mechanism> {
-    let later = |cause: &Cause| {
-        let same = causes
+    let is_replaced = |cause: &Cause| {
+        let mut same = causes
             .iter()
             .filter(|c| c.mechanisms.first() == cause.mechanisms.first());
-        cause.onset_s.is_none() && same.into_iter().any(|c| c.onset_s.is_some())
+        cause.onset_s.is_none() && same.any(|c| c.onset_s.is_some())
     };
-    causes
-        .iter()
-        .filter(|cause| !later(cause))
-        .filter_map(|cause| {
-            let id = cause.mechanisms.first()?;
-            let spec = spec(id)?;
-            let values: Vec<f64> = spec
-                .parameters
-                .iter()
-                .map(|p| {
-                    let fitted = cause.parameters.iter().find(|f| f.name == p.name);
-                    fitted.map_or(p.neutral, |f| f.value)
-                })
-                .collect();
-            Mechanism::with_values(id, &values).ok()
-        })
-        .collect()
+    let mechanism = |cause: &Cause| {
+        let id = cause.mechanisms.first()?;
+        let value = |p: &ParameterSpec| {
+            let fitted = cause.parameters.iter().find(|f| f.name == p.name);
+            fitted.map_or(p.neutral, |f| f.value)
+        };
+        let values: Vec<f64> = spec(id)?.parameters.iter().map(value).collect();
+        Mechanism::with_values(id, &values).ok()
+    };
+    let kept = causes.iter().filter(|cause| !is_replaced(cause));
+    kept.filter_map(mechanism).collect()
 }

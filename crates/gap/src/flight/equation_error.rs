@@ -4,36 +4,29 @@
 //! Angular accelerations are slopes of a parabola fitted over [`WINDOW_S`] of measured rates
 //! (Savitzky & Golay 1964); what they are compared with passes the same filter.
 
-use nalgebra::{DMatrix, DVector};
+use fdm::Aircraft;
 use serde::Serialize;
 
 mod delay;
 mod lift;
+mod regression;
 mod smooth;
 
 use super::channel::at;
 use super::gate::Segment;
 use super::motion::World;
 pub use delay::{Delay, Late};
-use fdm::Aircraft;
 pub use lift::Lift;
-use lift::lift;
+use regression::{Regression, solve};
 use smooth::Smooth;
 
 /// Length of the local parabola, s.
 pub const WINDOW_S: f64 = 0.2;
-/// What is slower than this is taken off before delays are sought, s.
-const DETREND_S: f64 = 2.0;
-/// Length of blocks left out, s.
-const BLOCK_S: f64 = 10.0;
 /// Least standard deviation of a surface that excites its axis, rad: a twentieth of a degree, the
 /// play of a servo of this size.
 const LEAST_SURFACE_RAD: f64 = 1e-3;
-/// Variance inflation from which on a surface is determined by other columns: what it tells is then
-/// the rounding of the file.
-const MOST_INFLATION: f64 = 1e4;
-/// Least part of its square that a moment must vary by: less is rounding.
-const LEAST_SPREAD: f64 = 1e-9;
+/// Fewest rows of a regression.
+const FEWEST_ROWS: usize = 200;
 
 /// A moment from measured accelerations against the published model and a refitted one.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -58,7 +51,7 @@ pub struct Moment {
     pub published: Vec<f64>,
     /// Refitted values (per radian), of all data.
     pub refitted: Vec<f64>,
-    /// Variance inflation of each by its correlation with the others.
+    /// Variance inflation of each but the first by its correlation with the others.
     pub inflation: Vec<f64>,
     /// What it means, in words.
     pub words: String,
@@ -77,199 +70,119 @@ pub struct EquationError {
     pub lift: Option<Lift>,
 }
 
-/// A regression's rows, each with its block.
-struct Rows {
-    x: Vec<Vec<f64>>,
-    y: Vec<f64>,
-    weight: Vec<f64>,
-    block: Vec<usize>,
+/// The equation of the moment about one axis.
+struct Axis<'a> {
+    aircraft: &'a Aircraft,
+    axis: usize,
+    name: &'static str,
+    inertia: f64,
 }
 
-impl Rows {
-    fn solve(&self, without: Option<usize>) -> DVector<f64> {
-        let width = self.x[0].len();
-        let mut a = DMatrix::zeros(width, width);
-        let mut b = DVector::zeros(width);
-        for ((x, y), block) in self.x.iter().zip(&self.y).zip(&self.block) {
-            if Some(*block) == without {
-                continue;
-            }
-            let x = DVector::from_column_slice(x);
-            b.axpy(*y, &x, 1.0);
-            a.ger(1.0, &x, &x, 1.0);
+impl<'a> Axis<'a> {
+    fn of(aircraft: &'a Aircraft, axis: usize) -> Self {
+        let body = &aircraft.body;
+        Self {
+            aircraft,
+            axis,
+            name: ["roll", "pitch", "yaw"][axis],
+            inertia: [body.ixx_kg_m2, body.iyy_kg_m2, body.izz_kg_m2][axis],
         }
-        for k in 0..width {
-            a[(k, k)] *= 1.0 + 1e-9;
-            a[(k, k)] += 1e-300;
-        }
-        a.cholesky()
-            .map_or_else(|| DVector::zeros(width), |c| c.solve(&b))
     }
 
-    /// Weighted squares left, of all rows or of one block.
-    fn left(&self, values: &DVector<f64>, only: Option<usize>) -> f64 {
-        let rows = self
-            .x
-            .iter()
-            .zip(&self.y)
-            .zip(self.weight.iter().zip(&self.block));
-        rows.filter(|(_, (_, block))| only.is_none_or(|o| o == **block))
-            .map(|((x, y), (w, _))| {
-                let fit: f64 = x.iter().zip(values.iter()).map(|(x, v)| x * v).sum();
-                w * (y - fit).powi(2)
-            })
-            .sum()
-    }
-
-    /// Whether there is something to explain and the surface (the last column but one of roll, the
-    /// last of the others, never the first) moves apart from all else: a column that stands still,
-    /// or that the others determine, tells nothing.
-    fn is_excited(&self) -> bool {
-        let Some(first) = self.x.first() else {
-            return false;
-        };
-        let n = self.y.len() as f64;
-        let spread = |of: &dyn Fn(usize) -> f64| {
-            let mean = (0..self.y.len()).map(of).sum::<f64>() / n;
-            (0..self.y.len())
-                .map(|i| (of(i) - mean).powi(2))
-                .sum::<f64>()
-        };
-        let scale: f64 = self.y.iter().map(|y| y * y).sum();
-        let inflation = self.inflation();
-        let surfaces = first
-            .len()
-            .saturating_sub(if first.len() == 4 { 1 } else { 2 })
-            ..first.len();
-        let moves = |k: usize| {
-            spread(&|i| self.x[i][k]) > LEAST_SURFACE_RAD.powi(2) * n
-                && inflation.get(k - 1).is_some_and(|v| *v < MOST_INFLATION)
-        };
-        spread(&|i| self.y[i]) > LEAST_SPREAD * scale && surfaces.clone().any(moves)
-    }
-
-    /// Weighted squares left by a weighted fit to all rows, then to those without each block.
-    fn left_without_each(&self) -> Vec<f64> {
-        let width = self.x[0].len() + 1;
-        let blocks = self.blocks();
-        // Normal equations of each block, the response as last column.
-        let mut parts = vec![DMatrix::<f64>::zeros(width, width); blocks.len()];
-        let mut at = 0;
-        for (i, x) in self.x.iter().enumerate() {
-            if self.block[i] != blocks[at] {
-                at += 1;
-            }
-            let row = DVector::from_iterator(width, x.iter().chain([&self.y[i]]).copied());
-            parts[at].ger(self.weight[i], &row, &row, 1.0);
+    /// Names of the derivatives with their published values, those of surfaces last.
+    fn published(&self) -> Vec<(&'static str, f64)> {
+        let a = self.aircraft;
+        if self.axis == 1 {
+            let d = &a.pitch;
+            return vec![
+                ("zero", d.zero),
+                ("alpha", d.alpha),
+                ("q", d.q),
+                ("elevator", d.elevator),
+            ];
         }
-        let all: DMatrix<f64> = parts.iter().sum();
-        let left = |whole: &DMatrix<f64>| {
-            let n = width - 1;
-            let mut a = whole.view((0, 0), (n, n)).into_owned();
-            for k in 0..n {
-                a[(k, k)] = a[(k, k)] * (1.0 + 1e-9) + 1e-300;
+        let d = if self.axis == 0 { &a.roll } else { &a.yaw };
+        let turns = [("zero", 0.0), ("beta", d.beta), ("p", d.p), ("r", d.r)];
+        [&turns[..], &[("aileron", d.aileron), ("rudder", d.rudder)]].concat()
+    }
+
+    /// Measured moment against free derivatives, with surfaces that are `delay` s late.
+    fn regression(&self, parts: &[Smooth], delay: f64) -> Regression {
+        let (a, mut out) = (self.aircraft, Regression::default());
+        for (k, part) in parts.iter().enumerate() {
+            let late: [Vec<f64>; 3] = std::array::from_fn(|s| part.late(s, delay));
+            for i in 0..part.len() {
+                let hat = |r: usize, m: f64| 0.5 * part.rate[r][i] * m / part.flow[at::AIRSPEED][i];
+                let (alpha, beta) = (part.flow[at::ALPHA][i], part.flow[at::BETA][i]);
+                let (c, b) = (a.wing.chord_m, a.wing.span_m);
+                let x: &[f64] = if self.axis == 1 {
+                    &[1.0, alpha, hat(1, c), late[0][i]]
+                } else {
+                    &[1.0, beta, hat(0, b), hat(2, b), late[1][i], late[2][i]]
+                };
+                let scale = part.scale(a, self.axis, i);
+                let moment = part.moment(a, self.axis, i) / scale;
+                out.add(
+                    part.block_of(k, i),
+                    (scale / self.inertia).powi(2),
+                    x,
+                    moment,
+                );
             }
-            let b = whole.view((0, n), (n, 1)).into_owned();
-            let told = a.cholesky().map_or(0.0, |c| b.dot(&c.solve(&b)));
-            whole[(n, n)] - told
-        };
-        let mut out = vec![left(&all)];
-        out.extend(parts.iter().map(|part| left(&(&all - part))));
+        }
         out
     }
 
-    fn blocks(&self) -> Vec<usize> {
-        let mut blocks = self.block.clone();
-        blocks.dedup();
-        blocks
+    /// Whether a surface moves enough to tell of the axis.
+    fn is_excited(&self, regression: &Regression) -> bool {
+        let surfaces = if self.axis == 1 { 1 } else { 2 };
+        regression.is_excited(surfaces, LEAST_SURFACE_RAD)
     }
 
-    /// Weighted squares left on each block by a fit to the others.
-    fn held_out(&self) -> f64 {
-        self.blocks()
-            .into_iter()
-            .map(|b| self.left(&self.solve(Some(b)), Some(b)))
-            .sum()
-    }
-
-    /// Variance inflation of each column but the first, which is the constant.
-    fn inflation(&self) -> Vec<f64> {
-        let width = self.x[0].len();
-        (1..width)
-            .map(|k| {
-                let rest = Rows {
-                    x: self
-                        .x
-                        .iter()
-                        .map(|x| (0..width).filter(|j| *j != k).map(|j| x[j]).collect())
-                        .collect(),
-                    y: self.x.iter().map(|x| x[k]).collect(),
-                    weight: vec![1.0; self.y.len()],
-                    block: self.block.clone(),
-                };
-                let mean = rest.y.iter().sum::<f64>() / rest.y.len() as f64;
-                let whole: f64 = rest.y.iter().map(|y| (y - mean).powi(2)).sum();
-                // A column that stands still has none.
-                if whole > 0.0 {
-                    whole / rest.left(&rest.solve(None), None).max(1e-12 * whole)
-                } else {
-                    f64::NAN
-                }
-            })
-            .collect()
-    }
-}
-
-/// Surface that turns about an axis: place among the told.
-const SURFACE_OF: [usize; 3] = [1, 0, 2];
-const AXES: [&str; 3] = ["roll", "pitch", "yaw"];
-
-/// Rows of a moment equation with free derivatives and the surfaces `delay` late.
-fn rows(parts: &[Smooth], a: &Aircraft, axis: usize, delay: f64, inertia: f64) -> Rows {
-    let mut out = Rows {
-        x: Vec::new(),
-        y: Vec::new(),
-        weight: Vec::new(),
-        block: Vec::new(),
-    };
-    for (k, part) in parts.iter().enumerate() {
-        let late: Vec<Vec<f64>> = (0..3).map(|s| part.late(s, delay)).collect();
-        for i in 0..part.len() {
-            let (moment, scale) = part.coefficient(a, axis, i);
-            let per_2v = 0.5 / part.flow[at::AIRSPEED][i];
-            let x = if axis == 1 {
-                let q_hat = part.rate[1][i] * per_2v * a.wing.chord_m;
-                vec![1.0, part.flow[at::ALPHA][i], q_hat, late[0][i]]
-            } else {
-                let hat = |r: usize| part.rate[r][i] * per_2v * a.wing.span_m;
-                vec![
-                    1.0,
-                    part.flow[at::BETA][i],
-                    hat(0),
-                    hat(2),
-                    late[1][i],
-                    late[2][i],
-                ]
-            };
-            let y = moment / scale;
-            if y.is_finite() && x.iter().all(|v| v.is_finite()) {
-                out.x.push(x);
-                out.y.push(y);
-                out.weight.push((scale / inertia).powi(2));
-                out.block.push(1000 * k + i / part.block.max(1));
-            }
+    /// The moment against the published model and refitted derivatives, with surfaces that are `delay` s late.
+    fn moment(&self, parts: &[Smooth], delay: f64) -> Option<Moment> {
+        let regression = self.regression(parts, delay);
+        if regression.rows < FEWEST_ROWS || !self.is_excited(&regression) {
+            return None;
         }
+        // Measured angular acceleration, and that less the published.
+        let of = |part: &Smooth, i: usize| {
+            let moment = part.moment(self.aircraft, self.axis, i);
+            [moment, moment - part.published[self.axis][i]].map(|m| m / self.inertia)
+        };
+        let each = parts
+            .iter()
+            .flat_map(|p| (0..p.len()).map(move |i| of(p, i)));
+        let known: Vec<[f64; 2]> = each.filter(|of| of[1].is_finite()).collect();
+        let mean =
+            |f: &dyn Fn(&[f64; 2]) -> f64| known.iter().map(f).sum::<f64>() / known.len() as f64;
+        let published_leaves = mean(&|of| of[1] * of[1]);
+        let variance = mean(&|of| of[0] * of[0]) - mean(&|of| of[0]).powi(2);
+        let held_out_leaves = regression.held_out() / regression.rows as f64;
+        let (derivatives, published) = self.published().into_iter().unzip();
+        let mut out = Moment {
+            axis: self.name,
+            variance,
+            published_leaves,
+            published_constant_part: mean(&|of| of[1]).powi(2) / published_leaves,
+            held_out_leaves,
+            held_out_share: 1.0 - held_out_leaves / published_leaves,
+            held_out_r2: 1.0 - held_out_leaves / variance,
+            derivatives,
+            published,
+            refitted: solve(&regression.all()).as_slice().to_vec(),
+            inflation: regression.inflation(),
+            words: String::new(),
+        };
+        out.words = words_of(&out, delay);
+        Some(out)
     }
-    out
 }
 
 /// Looks at `segments`; `world` gives the published model of each.
 pub fn analyse(segments: &[Segment], worlds: &[World], aircraft: &Aircraft) -> EquationError {
-    let parts: Vec<Smooth> = segments
-        .iter()
-        .zip(worlds)
-        .filter_map(|(s, w)| Smooth::new(s, w))
-        .collect();
+    let flown = segments.iter().zip(worlds);
+    let parts: Vec<Smooth> = flown.filter_map(|(s, w)| Smooth::new(s, w)).collect();
     let mut out = EquationError {
         filter: format!(
             "slope of a parabola over {WINDOW_S} s of measured rates (Savitzky-Golay); all that is \
@@ -279,105 +192,25 @@ pub fn analyse(segments: &[Segment], worlds: &[World], aircraft: &Aircraft) -> E
         moments: Vec::new(),
         lift: None,
     };
-    let has_alpha = segments
-        .iter()
-        .any(|s| s.measured.iter().any(|m| m[at::ALPHA].is_finite()));
+    let mut readings = segments.iter().flat_map(|s| &s.measured);
+    let has_alpha = readings.any(|m| m[at::ALPHA].is_finite());
     for axis in 0..3 {
         if parts.is_empty() || (axis == 2 && !aircraft.has_rudder()) || (axis == 1 && !has_alpha) {
             continue;
         }
-        let inertia = [
-            aircraft.body.ixx_kg_m2,
-            aircraft.body.iyy_kg_m2,
-            aircraft.body.izz_kg_m2,
-        ][axis];
-        let found = Delay::of(&parts, aircraft, axis, inertia);
+        let equation = Axis::of(aircraft, axis);
+        let found = Delay::of(&parts, &equation);
         let delay = found.as_ref().map_or(0.0, |d| d.moment_delay_s);
         out.delays.extend(found);
-        out.moments
-            .extend(moment(&parts, aircraft, axis, delay, inertia));
+        out.moments.extend(equation.moment(&parts, delay));
     }
     if has_alpha {
-        out.lift = lift(&parts, aircraft);
+        out.lift = lift::lift(&parts, aircraft);
     }
     out
 }
 
-/// `x` without what is slower than [`DETREND_S`].
-fn detrended(x: &[f64], interval: f64) -> Vec<f64> {
-    let half = (0.5 * DETREND_S / interval) as usize;
-    let mut sums = vec![0.0];
-    for v in x {
-        sums.push(sums[sums.len() - 1] + v);
-    }
-    (0..x.len())
-        .map(|i| {
-            let (from, to) = (i.saturating_sub(half), (i + half + 1).min(x.len()));
-            x[i] - (sums[to] - sums[from]) / (to - from) as f64
-        })
-        .collect()
-}
-
-/// A moment against the published model and refitted derivatives.
-fn moment(parts: &[Smooth], a: &Aircraft, axis: usize, delay: f64, inertia: f64) -> Option<Moment> {
-    let rows = rows(parts, a, axis, delay, inertia);
-    if rows.y.len() < 200 || !rows.is_excited() {
-        return None;
-    }
-    let n = rows.y.len() as f64;
-    let mut away = Vec::new();
-    let mut spin = Vec::new();
-    for part in parts {
-        for i in 0..part.len() {
-            let (moment, _) = part.coefficient(a, axis, i);
-            let off = (moment - part.published[axis][i]) / inertia;
-            if off.is_finite() {
-                away.push(off);
-                spin.push(moment / inertia);
-            }
-        }
-    }
-    let mean = |x: &[f64]| x.iter().sum::<f64>() / x.len() as f64;
-    let square = |x: &[f64]| x.iter().map(|v| v * v).sum::<f64>() / x.len() as f64;
-    let published_leaves = square(&away);
-    let variance = square(&spin) - mean(&spin).powi(2);
-    let held_out_leaves = rows.held_out() / n;
-    let (derivatives, published): (Vec<&'static str>, Vec<f64>) = if axis == 1 {
-        (
-            vec!["zero", "alpha", "q", "elevator"],
-            vec![a.pitch.zero, a.pitch.alpha, a.pitch.q, a.pitch.elevator],
-        )
-    } else {
-        let d = if axis == 0 { &a.roll } else { &a.yaw };
-        (
-            vec!["zero", "beta", "p", "r", "aileron", "rudder"],
-            vec![0.0, d.beta, d.p, d.r, d.aileron, d.rudder],
-        )
-    };
-    let mut out = Moment {
-        axis: AXES[axis],
-        variance,
-        published_leaves,
-        published_constant_part: mean(&away).powi(2) / published_leaves,
-        held_out_leaves,
-        held_out_share: 1.0 - held_out_leaves / published_leaves,
-        held_out_r2: 1.0 - held_out_leaves / variance,
-        derivatives,
-        published,
-        refitted: rows.solve(None).iter().copied().collect(),
-        inflation: rows.inflation(),
-        words: String::new(),
-    };
-    out.words = words_of(&out, delay);
-    Some(out)
-}
-
 fn words_of(m: &Moment, delay: f64) -> String {
-    let control = if m.axis == "roll" {
-        4
-    } else {
-        m.refitted.len() - 1
-    };
     let mut text = format!(
         "{}: the published model leaves {:.1} times the variance of the measured acceleration ({:.0} % of it a \
          constant); refitted derivatives and a delay of {:.0} ms explain {:.0} % of what it leaves on hold-out \
@@ -389,6 +222,16 @@ fn words_of(m: &Moment, delay: f64) -> String {
         100.0 * m.held_out_share,
         100.0 * m.held_out_r2
     );
+    let surface = if m.axis == "roll" {
+        "aileron"
+    } else {
+        m.derivatives[m.derivatives.len() - 1]
+    };
+    let control = m
+        .derivatives
+        .iter()
+        .position(|d| *d == surface)
+        .unwrap_or(0);
     let ratio = m.refitted[control] / m.published[control];
     if (ratio - 1.0).abs() > 0.15 {
         text += &format!(

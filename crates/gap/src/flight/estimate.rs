@@ -12,15 +12,13 @@
 use fdm::Aircraft;
 use serde::Serialize;
 
-use super::equation_error::{self, EquationError};
 use super::evidence::sum;
-use super::gate::{Gated, Segment};
+use super::gate::Gated;
 use super::log::FlightLog;
-use super::noise::cut;
 use super::parameters::{Effect, Parameter, applied, value_of};
 use super::study::{Linear, Study};
 use super::windows::{self, MotionError};
-use super::{gate, told};
+use super::{gate, histories};
 use crate::GapError;
 use crate::verdict::DataQuality;
 
@@ -37,11 +35,10 @@ const TOLD_PART: f64 = 0.5;
 /// Flights of a flight model that shares nothing with this one (`gap-bench`, tests/flight_estimate.rs) are off by 2 to
 /// 6 per cent, a wing without a tail more than an aircraft with one.
 const LAW_PART: f64 = 0.05;
-/// A start is no farther from the file than so many of its standard deviations.
-const START_SD: f64 = 2.0;
-/// Variance inflation above which equation error tells no start: its error is then ten times that of a regressor that
-/// stands alone.
-const MOST_INFLATION: f64 = 100.0;
+/// Parts of a step with all coefficients free that are tried, and what one may lose, nats: with the gains held the score
+/// that is nil at its end is not the slope of what is scored, and one nat for each of thirty may be lost; beyond, the
+/// filter has lost the flight.
+const STEP: (i32, f64) = (4, 30.0);
 
 /// One coefficient.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -135,7 +132,7 @@ pub fn estimate(
     let coefficients = all.coefficients(widened);
     let motion = unseen(&of_halves);
     let theta = &all.view.theta;
-    let found = applied(aircraft, &all.study.parameters, theta)
+    let found = applied(aircraft, &all.study.parameters, theta, 0)
         .extended
         .aircraft;
     found.check().map_err(|e| GapError::Data {
@@ -167,11 +164,12 @@ impl<'a> Fitted<'a> {
         let study = Study::of_unknown(aircraft, gated, logs);
         let mut view = match from {
             Some(view) => study.seen_with_own_noise(view.theta.clone(), view.noise.clone()),
-            None => study.seen_from_start(&start(&study)),
+            None => study.seen_from_start(),
         };
         let mut sds = stated(&study, &view);
         for _ in 0..ROUNDS {
-            let next = study.on_towards(&view);
+            let theta = study.step_towards(&view, &[], STEP);
+            let next = study.seen_with_own_noise(theta, view.noise.clone());
             let move_of = |(j, sd): (usize, &f64)| (next.theta[j] - view.theta[j]).abs() / sd;
             let farthest = sds.iter().enumerate().map(move_of).fold(0.0, f64::max);
             if !next.log_score.is_finite() {
@@ -218,7 +216,7 @@ impl<'a> Fitted<'a> {
 
 /// Standard deviations of all parameters as the filter states them.
 fn stated(study: &Study<'_>, view: &Linear) -> Vec<f64> {
-    let (a, b) = sum(&view.blocks, None);
+    let (a, b) = sum(&view.blocks);
     let spread = view.word.dispersion;
     let (_, covariance) = study.posterior(&(a / spread), &(b / spread), &[]);
     let sd = |j: usize| covariance[(j, j)].max(0.0).sqrt();
@@ -234,55 +232,16 @@ fn neutral(aircraft: &Aircraft, parameter: &Parameter) -> Option<f64> {
     }
 }
 
-/// Where the search may begin: at the file, and where equation error leads from it.
-fn start(study: &Study<'_>) -> Vec<Vec<f64>> {
-    let file = study.start();
-    let of = |s: &Segment| study.world(s, &file);
-    let worlds: Vec<_> = study.gated.segments.iter().map(of).collect();
-    let told = equation_error::analyse(&study.gated.segments, &worlds, study.aircraft);
-    let mut led = file.clone();
-    for (value, parameter) in led.iter_mut().zip(&study.parameters) {
-        if let Effect::Coefficient(place) = parameter.effect
-            && let Some(refitted) = refitted(&told, &parameter.name)
-        {
-            let off = refitted - value_of(study.aircraft, place);
-            let most = START_SD * parameter.tolerance;
-            *value = off.clamp(-most, most);
-        }
-    }
-    vec![file, led]
-}
-
-/// What equation error says of a derivative of a moment, where other columns do not determine it.
-fn refitted(told: &EquationError, name: &str) -> Option<f64> {
-    let (axis, derivative) = name.split_once('.')?;
-    let moment = told.moments.iter().find(|m| m.axis == axis)?;
-    let k = moment.derivatives.iter().position(|d| *d == derivative)?;
-    // The constant, first, stands for itself.
-    let alone = |k: usize| moment.inflation[k] <= MOST_INFLATION;
-    k.checked_sub(1)
-        .is_none_or(alone)
-        .then_some(moment.refitted[k])
-}
-
 /// The first and the second half of every stretch.
 fn halves(gated: &Gated) -> [Gated; 2] {
-    let half = |second: bool| Gated {
+    [0, 1].map(|half| Gated {
         segments: gated
             .segments
             .iter()
-            .map(|s| {
-                let middle = s.len() / 2;
-                if second {
-                    cut(s, middle, s.len())
-                } else {
-                    cut(s, 0, middle)
-                }
-            })
+            .map(|s| s.cut(half * (s.len() / 2)..[s.len() / 2, s.len()][half]))
             .collect(),
         ..gated.clone()
-    };
-    [half(false), half(true)]
+    })
 }
 
 /// How much more two halves differ than they say, at least 1: root mean square over what both tell.
@@ -316,7 +275,8 @@ fn unseen(fitted: &[Fitted<'_>]) -> Vec<MotionError> {
         };
         let file = vec![0.0; own.view.theta.len()];
         let [before, after] = [&file, &other.view.theta].map(|theta| aircraft_of(theta));
-        histories.extend(told(study, &own.view, &before, &after));
+        let noise = &own.view.noise;
+        histories.extend(histories::histories(study, noise, [&before, &after]));
     }
     windows::errors(&histories)
 }

@@ -1,28 +1,41 @@
 //! Evidence of sets of causes from the normal equations, in closed form (Laplace): Gaussian
 //! priors, tolerances of the base integrated out.
 
+use std::collections::BTreeSet;
+
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use super::normal::Block;
 
-/// The data's word on all columns at parameter value zero: information and score, with the
-/// tolerances of the base and the correction for overdispersion inside.
-#[derive(Debug, Clone)]
-pub struct Word {
-    /// Information on the tested columns, tolerances integrated out.
-    pub s: DMatrix<f64>,
-    /// Score of the tested columns, likewise.
-    pub t: DVector<f64>,
-    /// Factor by which information and score were divided.
-    pub dispersion: f64,
-    /// Log evidence of the base over its point at zero.
-    pub base_log_evidence: f64,
+/// Part of the strongest single cause's gain that each further cause is charged: no law is exact,
+/// and what a strong cause leaves by that is not a cause of its own.
+const FURTHER_PART: f64 = 0.2;
+/// Sets kept from one size to the next.
+const BEAM: usize = 12;
+/// Largest set.
+const LARGEST_SET: usize = 7;
+/// Nats beyond the charge by which the best set of a size may be worse than the best while larger ones are tried.
+const WORSE_NATS: f64 = 6.0;
+
+/// What a candidate is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// A mechanism of the catalogue, at work from the beginning.
+    Mechanism,
+    /// A smooth term without a name: place among the groups.
+    Nameless(usize),
+    /// A mechanism that begins at the onset.
+    Late,
 }
 
-/// A cause that may be added: columns (places among the tested) with prior sizes.
+/// A cause that may be added: columns with prior sizes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Candidate {
-    /// Places among the tested columns.
+    /// Id in the catalogue, or what it is in words.
+    pub name: String,
+    /// What it is.
+    pub kind: Kind,
+    /// Its columns.
     pub columns: Vec<usize>,
     /// Prior standard deviation of each.
     pub prior_sd: Vec<f64>,
@@ -35,6 +48,11 @@ pub struct Candidate {
 }
 
 impl Candidate {
+    /// Whether it is a mechanism of the catalogue.
+    pub fn is_named(&self) -> bool {
+        !matches!(self.kind, Kind::Nameless(_))
+    }
+
     /// Whether fitted values are such as this cause has: what can only grow did not shrink, and no
     /// size is one that nothing real has.
     fn can_be(&self, values: &[f64]) -> bool {
@@ -46,43 +64,51 @@ impl Candidate {
 
 /// How a set of candidates fares.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Fit {
+pub struct Model {
+    /// Places of the candidates.
+    pub set: Vec<usize>,
     /// Gain of the log score at the fitted values, nats.
     pub log_score: f64,
     /// Gain of the log evidence, nats.
     pub log_evidence: f64,
+    /// Log evidence and log prior together, less what further causes are charged.
+    pub log_posterior: f64,
     /// Fitted values, candidate by candidate.
     pub values: Vec<f64>,
 }
 
-/// Sum of the blocks, all but `without`.
-pub fn sum(blocks: &[Block], without: Option<usize>) -> (DMatrix<f64>, DVector<f64>) {
-    let n = blocks[0].b.len();
-    let (mut a, mut b) = (DMatrix::zeros(n, n), DVector::zeros(n));
-    for (k, block) in blocks.iter().enumerate() {
-        if Some(k) != without {
-            a += &block.a;
-            b += &block.b;
-        }
-    }
-    (a, b)
+/// The data's word on all columns at parameter value zero: information and score, with the
+/// tolerances of the base and the correction for overdispersion inside.
+#[derive(Debug, Clone)]
+pub struct Word {
+    /// Information on the columns, tolerances integrated out.
+    pub s: DMatrix<f64>,
+    /// Score of the columns, likewise.
+    t: DVector<f64>,
+    /// Factor by which information and score were divided.
+    pub dispersion: f64,
+    /// Log evidence of the base over its point at zero.
+    pub base_log_evidence: f64,
+}
+
+/// Information and score of all blocks.
+pub fn sum(blocks: &[Block]) -> (DMatrix<f64>, DVector<f64>) {
+    let of = |f: fn(&Block) -> &DMatrix<f64>| blocks.iter().map(f).sum();
+    (
+        of(|block| &block.a),
+        blocks.iter().map(|block| &block.b).sum(),
+    )
 }
 
 impl Word {
-    /// The word of `a` and `b` (at zero): the first `base` columns have tolerances `tolerance`
-    /// and are integrated out; the tested are all columns again, those of mechanisms as
-    /// departures beyond the tolerance.
+    /// The word of `a` and `b` (at zero): the first columns have tolerances and are integrated out;
+    /// those of mechanisms are departures beyond the tolerance.
     pub fn new(a: &DMatrix<f64>, b: &DVector<f64>, tolerance: &[f64], dispersion: f64) -> Self {
-        let base = tolerance.len();
-        let n = b.len();
-        let a = a / dispersion;
-        let b = b / dispersion;
-        let mut c = a.view((0, 0), (base, base)).into_owned();
-        for (k, sd) in tolerance.iter().enumerate() {
-            c[(k, k)] += 1.0 / (sd * sd);
-        }
+        let (base, n) = (tolerance.len(), b.len());
+        let (a, b) = (a / dispersion, b / dispersion);
+        let precision = with_priors(a.view((0, 0), (base, base)).into_owned(), tolerance);
         let across = a.view((0, 0), (base, n)).into_owned();
-        let Some(c) = Cholesky::new(c) else {
+        let Some(c) = Cholesky::new(precision) else {
             // Only of data that are not finite: nothing is known then.
             return Self {
                 s: DMatrix::zeros(n, n),
@@ -92,179 +118,135 @@ impl Word {
             };
         };
         let head = b.rows(0, base).into_owned();
-        let s = &a - across.transpose() * c.solve(&across);
-        let t = &b - across.transpose() * c.solve(&head);
-        let prior: f64 = tolerance.iter().map(|sd| sd.ln()).sum();
-        let base_log_evidence = 0.5 * head.dot(&c.solve(&head)) - half_log_det(&c) - prior;
         Self {
-            s,
-            t,
+            s: &a - across.transpose() * c.solve(&across),
+            t: &b - across.transpose() * c.solve(&head),
             dispersion,
-            base_log_evidence,
+            base_log_evidence: 0.5 * head.dot(&c.solve(&head)) - half_log_det(&c, tolerance),
         }
     }
 
-    /// The fit of `set` together.
-    pub fn fit(&self, set: &[&Candidate]) -> Fit {
-        let columns: Vec<usize> = set.iter().flat_map(|c| c.columns.iter().copied()).collect();
-        let sds: Vec<f64> = set
-            .iter()
-            .flat_map(|c| c.prior_sd.iter().copied())
-            .collect();
-        let n = columns.len();
-        if n == 0 {
-            return Fit {
-                log_score: 0.0,
-                log_evidence: 0.0,
-                values: Vec::new(),
-            };
-        }
-        let s = DMatrix::from_fn(n, n, |i, j| self.s[(columns[i], columns[j])]);
-        let t = DVector::from_fn(n, |i, _| self.t[columns[i]]);
-        let mut m = s.clone();
-        for (k, sd) in sds.iter().enumerate() {
-            m[(k, k)] += 1.0 / (sd * sd);
-        }
-        let Some(m) = Cholesky::new(m) else {
-            return Fit {
-                log_score: 0.0,
-                log_evidence: f64::NEG_INFINITY,
-                values: vec![0.0; n],
-            };
-        };
-        let values = m.solve(&t);
-        let prior: f64 = sds.iter().map(|sd| sd.ln()).sum();
-        let mut log_evidence = 0.5 * t.dot(&values) - half_log_det(&m) - prior;
-        let mut at = 0;
-        for candidate in set {
-            let end = at + candidate.columns.len();
-            if !candidate.can_be(&values.as_slice()[at..end]) {
-                log_evidence -= 0.5 * t.dot(&values) + 1.0;
+    /// The fit of a `set` of the candidates together.
+    pub fn model(&self, candidates: &[Candidate], set: Vec<usize>, charge: f64) -> Model {
+        let chosen = || set.iter().map(|&k| &candidates[k]);
+        let columns: Vec<usize> = chosen().flat_map(|c| c.columns.iter().copied()).collect();
+        let sds: Vec<f64> = chosen().flat_map(|c| c.prior_sd.iter().copied()).collect();
+        let s = self.s.select_rows(&columns).select_columns(&columns);
+        let t = self.t.select_rows(&columns);
+        let (mut log_score, mut log_evidence) = (0.0, f64::NEG_INFINITY);
+        let mut values = vec![0.0; columns.len()];
+        if let Some(m) = Cholesky::new(with_priors(s.clone(), &sds)) {
+            let fitted = m.solve(&t);
+            log_score = t.dot(&fitted) - 0.5 * fitted.dot(&(&s * &fitted));
+            log_evidence = 0.5 * t.dot(&fitted) - half_log_det(&m, &sds);
+            let mut rest = fitted.as_slice();
+            for candidate in chosen() {
+                let (own, others) = rest.split_at(candidate.columns.len());
+                if !candidate.can_be(own) {
+                    log_evidence -= 0.5 * t.dot(&fitted) + 1.0;
+                }
+                rest = others;
             }
-            at = end;
+            values = fitted.as_slice().to_vec();
         }
-        Fit {
-            log_score: t.dot(&values) - 0.5 * values.dot(&(&s * &values)),
+        let prior: f64 = chosen().map(|c| c.log_prior).sum();
+        let further = set.len().saturating_sub(1) as f64;
+        Model {
+            set,
+            log_score,
             log_evidence,
-            values: values.iter().copied().collect(),
+            log_posterior: log_evidence + prior - further * charge,
+            values,
         }
+    }
+
+    /// What each cause beyond the first is charged, nats.
+    pub fn charge(&self, candidates: &[Candidate]) -> f64 {
+        let single = (0..candidates.len()).map(|k| self.model(candidates, vec![k], 0.0).log_score);
+        FURTHER_PART * single.fold(0.0, f64::max)
+    }
+
+    /// The best sets of candidates up to [`LARGEST_SET`], the best first. All pairs with one of the
+    /// strongest dozen are tried, and so on, so that one may stand for two and two for one.
+    pub fn search(&self, candidates: &[Candidate]) -> Vec<Model> {
+        let charge = self.charge(candidates);
+        let mut all = vec![self.model(candidates, Vec::new(), charge)];
+        let mut front = all.clone();
+        for _ in 0..LARGEST_SET {
+            let sets = grown_by_one(&front, candidates.len());
+            front = sets
+                .into_iter()
+                .map(|set| self.model(candidates, set, charge))
+                .collect();
+            front.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
+            let best = all.iter().map(|m| m.log_posterior).fold(f64::MIN, f64::max);
+            let Some(next) = front.first() else { break };
+            let still = next.log_posterior > best - WORSE_NATS - charge;
+            all.extend(front.iter().cloned());
+            front.truncate(BEAM);
+            if !still {
+                break;
+            }
+        }
+        all.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
+        all
     }
 }
 
-fn half_log_det(c: &Cholesky<f64, Dyn>) -> f64 {
-    c.l_dirty().diagonal().iter().map(|d| d.ln()).sum()
+/// The precision of columns of this information with priors.
+pub fn with_priors(mut information: DMatrix<f64>, sds: &[f64]) -> DMatrix<f64> {
+    for (k, sd) in sds.iter().enumerate() {
+        information[(k, k)] += sd.powi(-2);
+    }
+    information
+}
+
+/// Half the logarithm of the determinant of a precision over that of its priors.
+fn half_log_det(precision: &Cholesky<f64, Dyn>, sds: &[f64]) -> f64 {
+    let diagonal = precision.l_dirty().diagonal();
+    diagonal.iter().zip(sds).map(|(d, sd)| (d * sd).ln()).sum()
+}
+
+/// The sets of `front` with one more of `count` candidates, each once.
+fn grown_by_one(front: &[Model], count: usize) -> BTreeSet<Vec<usize>> {
+    let grown = |model: &Model, k: usize| {
+        let mut set = model.set.clone();
+        set.push(k);
+        set.sort_unstable();
+        set
+    };
+    let others = |model: &Model| {
+        (0..count)
+            .filter(|k| !model.set.contains(k))
+            .collect::<Vec<_>>()
+    };
+    let each = front
+        .iter()
+        .map(|m| others(m).into_iter().map(|k| grown(m, k)));
+    each.flatten().collect()
 }
 
 /// How much more the score varies from block to block than the information says, by columns
 /// that the model's own parameters span: the median over columns of the ratio, at least 1.
-pub fn dispersion(blocks: &[Block], fitted: &DVector<f64>, columns: usize) -> f64 {
-    let mut ratios = Vec::new();
-    for k in 0..columns {
-        let mut scores = Vec::new();
-        let mut information = 0.0;
-        for block in blocks {
-            let score = block.b[k]
-                - block
-                    .a
-                    .row(k)
-                    .columns(0, fitted.len())
-                    .transpose()
-                    .dot(fitted);
-            scores.push(score);
-            information += block.a[(k, k)];
-        }
-        let n = scores.len() as f64;
+pub fn dispersion(
+    blocks: &[Block],
+    fitted: &DVector<f64>,
+    columns: impl Iterator<Item = usize>,
+) -> f64 {
+    let n = blocks.len() as f64;
+    let ratio = |k: usize| {
+        let score = |block: &Block| block.b[k] - (block.a.row(k) * fitted)[0];
+        let scores: Vec<f64> = blocks.iter().map(score).collect();
         let mean = scores.iter().sum::<f64>() / n;
-        let variance = scores.iter().map(|s| (s - mean).powi(2)).sum::<f64>() * n / (n - 1.0);
-        if information > 0.0 {
-            ratios.push(variance / information);
-        }
-    }
-    ratios.sort_by(f64::total_cmp);
-    let median = ratios.get(ratios.len() / 2).copied().unwrap_or(1.0);
-    median.max(1.0)
+        let squares: f64 = scores.iter().map(|s| (s - mean).powi(2)).sum();
+        let information: f64 = blocks.iter().map(|block| block.a[(k, k)]).sum();
+        (information > 0.0).then(|| squares * n / (n - 1.0) / information)
+    };
+    super::gate::median(columns.filter_map(ratio).collect()).max(1.0)
 }
 
 /// What of a dispersion over so many blocks is more than chance may add to 1.
 pub fn beyond_chance(dispersion: f64, blocks: usize) -> f64 {
     let error = (2.0 / (blocks as f64 - 1.0)).sqrt();
     (dispersion / (1.0 + error)).max(1.0)
-}
-
-/// One model found by [`search`]: places of its candidates, ascending, and its fit.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Model {
-    /// Places of the candidates.
-    pub set: Vec<usize>,
-    /// The fit.
-    pub fit: Fit,
-    /// Log evidence and log prior together, less what further causes are charged.
-    pub log_posterior: f64,
-}
-
-/// Part of the strongest single cause's gain that each further cause is charged: no law is exact,
-/// and what a strong cause leaves by that is not a cause of its own.
-const FURTHER_PART: f64 = 0.2;
-/// Sets kept from one size to the next.
-const BEAM: usize = 12;
-/// Largest set.
-pub const LARGEST_SET: usize = 7;
-
-/// What each cause beyond the first is charged, nats.
-pub fn charge(word: &Word, candidates: &[Candidate]) -> f64 {
-    let single = candidates.iter().map(|c| word.fit(&[c]).log_score);
-    FURTHER_PART * single.fold(0.0, f64::max)
-}
-
-/// The best sets of candidates up to [`LARGEST_SET`], the best first. All pairs with one of the
-/// strongest dozen are tried, and so on, so that one may stand for two and two for one.
-pub fn search(word: &Word, candidates: &[Candidate]) -> Vec<Model> {
-    let charge = charge(word, candidates);
-    let judge = |set: Vec<usize>| {
-        let chosen: Vec<&Candidate> = set.iter().map(|&k| &candidates[k]).collect();
-        let fit = word.fit(&chosen);
-        let prior: f64 = chosen.iter().map(|c| c.log_prior).sum();
-        let further = set.len().saturating_sub(1) as f64;
-        Model {
-            log_posterior: fit.log_evidence + prior - further * charge,
-            set,
-            fit,
-        }
-    };
-    let mut all = vec![judge(Vec::new())];
-    let mut front = all.clone();
-    for _ in 0..LARGEST_SET {
-        let mut grown: Vec<Model> = grown_by_one(&front, candidates.len())
-            .into_iter()
-            .map(judge)
-            .collect();
-        grown.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
-        let best = all.iter().map(|m| m.log_posterior).fold(f64::MIN, f64::max);
-        let Some(next) = grown.first() else { break };
-        let still = next.log_posterior > best - 6.0 - charge;
-        all.extend(grown.iter().cloned());
-        grown.truncate(BEAM);
-        front = grown;
-        if !still {
-            break;
-        }
-    }
-    all.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
-    all
-}
-
-/// The sets of `front` with one more of `count` candidates, each once.
-fn grown_by_one(front: &[Model], count: usize) -> Vec<Vec<usize>> {
-    let mut sets: Vec<Vec<usize>> = Vec::new();
-    for model in front {
-        for k in (0..count).filter(|k| !model.set.contains(k)) {
-            let mut set = model.set.clone();
-            set.push(k);
-            set.sort_unstable();
-            sets.push(set);
-        }
-    }
-    sets.sort();
-    sets.dedup();
-    sets
 }

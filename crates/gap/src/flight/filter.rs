@@ -8,12 +8,12 @@
 
 use super::channel::{CHANNELS, at};
 use super::gate::Segment;
-use fdm::dynamics::{Controls, rotation};
+use fdm::dynamics::{Controls, euler, rotation};
 
 use super::gradient::SLOWEST_M_S;
 use super::motion::{
-    Around, DISTURBANCE_S, FORCE, Felt, GUST_S, LEAN, LEAN_S, Mean, SMOOTHED_LATERAL, SPIN, STATES,
-    World, moved, start,
+    Around, FORCE, Felt, GUST, LEAN, Mean, PUSHED, SMOOTHED_LATERAL, SPIN, STATES, World,
+    correlation_s, start, towards,
 };
 use super::noise::Noise;
 use super::normal::Normal;
@@ -23,49 +23,55 @@ use super::transition::{Error, Matrix, Transition, propagate, take_off, times};
 
 /// Innovation, in standard deviations, beyond which it counts linearly (Huber 1964).
 const HUBER: f64 = 3.0;
+/// Step of differences for derivatives: m/s and rad/s.
+const DIFFERENCE: f64 = 1e-5;
 /// Least cosine of the pitch angle that roll and yaw are told by.
 const LEAST_LEVEL: f64 = 1e-3;
 
+/// What of a pass is kept besides its sums.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Keep {
+    /// Nothing.
+    Nothing,
+    /// Innovations and states.
+    States,
+    /// What a derivative by the sizes of the noise is made from.
+    Steps,
+}
+
 /// What a pass without derivatives leaves.
-#[derive(Debug, Clone)]
+#[derive(Default)]
 pub struct Pass {
     /// Log likelihood, nats.
     pub log_score: f64,
-    /// Sums for the sensors' noise: innovation times what is left of it after the update.
-    pub left: [f64; CHANNELS],
-    /// Count of each channel's readings.
-    pub count: [usize; CHANNELS],
-    /// Innovations in standard deviations, sample by sample (kept only when asked for).
+    /// Innovations in standard deviations, sample by sample.
     pub standardised: Vec<[f64; CHANNELS]>,
-    /// States after each sample's update (kept only when asked for).
+    /// States after each sample's update.
     pub means: Vec<Mean>,
+    /// What the filter did, sample by sample.
+    pub steps: Vec<Step>,
 }
 
 /// A world in which one parameter is a step aside.
 pub struct Aside {
+    /// The parameter's column.
+    pub column: usize,
     /// The world.
     pub world: World,
     /// The step.
     pub step: f64,
-    /// Whether motion changes (else only what sensors tell).
-    pub moves: bool,
-    /// Whether the air is the same.
-    pub same_air: bool,
 }
 
 /// Columns whose derivatives a pass takes.
 pub struct Columns<'a> {
+    /// Number of columns.
+    pub count: usize,
     /// Worlds of the parameters.
     pub worlds: Vec<Aside>,
     /// Nameless terms.
     pub terms: &'a Terms,
-}
-
-impl Columns<'_> {
-    /// Number of columns.
-    pub fn count(&self) -> usize {
-        self.worlds.len() + self.terms.count()
-    }
+    /// Column of the first of them.
+    pub first_term: usize,
 }
 
 /// The filter at one sample.
@@ -95,13 +101,10 @@ pub struct Taken {
     pub noise: f64,
     /// Innovation in standard deviations.
     nu: f64,
-    /// Huber's weight.
-    weight: f64,
     log_score: f64,
 }
 
-/// What the filter did with one sample and on the way to the next: what a derivative by the sizes of
-/// the noise is made from.
+/// What the filter did with one sample and on the way to the next.
 pub struct Step {
     /// The readings, in their order.
     pub taken: Vec<Taken>,
@@ -111,79 +114,50 @@ pub struct Step {
     pub process: Error,
 }
 
-/// Runs the filter over `segment`. `keep` keeps innovations and states.
-pub fn run(segment: &Segment, world: &World, noise: &Noise, keep: bool) -> Pass {
-    pass(segment, world, noise, keep, None, None)
-}
-
-/// The log likelihood, and what the filter does step by step.
-pub fn steps(segment: &Segment, world: &World, noise: &Noise) -> (f64, Vec<Step>) {
-    let mut steps = Vec::with_capacity(segment.len());
-    let pass = pass(segment, world, noise, false, None, Some(&mut steps));
-    (pass.log_score, steps)
-}
-
-/// Runs the filter and adds what the innovations say of the columns to `normal`, in blocks of
-/// samples.
-pub fn run_with_columns(
+/// Runs the filter over `segment`; adds what the innovations say of `columns` to normal equations.
+pub fn run(
     segment: &Segment,
     world: &World,
     noise: &Noise,
-    columns: &Columns<'_>,
-    normal: &mut Normal,
-) -> Pass {
-    pass(segment, world, noise, false, Some((columns, normal)), None)
-}
-
-fn pass(
-    segment: &Segment,
-    world: &World,
-    noise: &Noise,
-    keep: bool,
+    keep: Keep,
     columns: Option<(&Columns<'_>, &mut Normal)>,
-    mut steps: Option<&mut Vec<Step>>,
 ) -> Pass {
     let (mean, sd) = start(segment, world.at(0), 0);
-    let p = uncertain(&sd, noise);
     let mut filter = Filter {
         segment,
         world,
         noise,
         mean,
-        p,
+        p: uncertain(&sd, noise),
     };
-    let mut out = Pass {
-        log_score: 0.0,
-        left: [0.0; CHANNELS],
-        count: [0; CHANNELS],
-        standardised: Vec::new(),
-        means: Vec::new(),
-    };
-    let (mut sensitivity, mut normal) = match columns {
-        Some((columns, normal)) => (Some(Sensitivity::new(columns)), Some(normal)),
-        None => (None, None),
-    };
+    let mut out = Pass::default();
+    let mut columns = columns.map(|(columns, normal)| (Sensitivity::new(columns), normal));
     for i in 0..segment.len() {
-        if let Some(normal) = normal.as_deref_mut() {
+        let seen = Seen::of(segment, world, i, filter.mean, false);
+        let taken = filter.update(&seen);
+        if let Some((sensitivity, normal)) = columns.as_mut() {
             normal.begin_sample(segment.log, segment.time_s[i]);
+            sensitivity.look(&seen);
+            sensitivity.take(&taken, |row, t| normal.add_row(row, t.away * t.scale));
         }
-        let seen = filter.seen(i, filter.mean, false);
-        if let Some(s) = sensitivity.as_mut() {
-            s.look(&seen);
+        out.log_score += taken.iter().map(|t| t.log_score).sum::<f64>();
+        if keep == Keep::States {
+            let mut standardised = [f64::NAN; CHANNELS];
+            for t in &taken {
+                standardised[t.channel] = t.nu;
+            }
+            out.standardised.push(standardised);
+            out.means.push(filter.mean);
         }
-        let taken = filter.update(&seen, keep, &mut out);
-        if let (Some(s), Some(normal)) = (sensitivity.as_mut(), normal.as_deref_mut()) {
-            s.take(&taken, |row, t| normal.add_row(row, t.nu * t.weight.sqrt()));
-        }
-        let (keep, process) = if i + 1 < segment.len() {
-            filter.predict(i, sensitivity.as_mut())
+        let (after, process) = if i + 1 < segment.len() {
+            filter.predict(i, columns.as_mut().map(|of| &mut of.0))
         } else {
-            ([[0.0; STATES]; STATES], [0.0; STATES])
+            NOTHING_LEFT
         };
-        if let Some(steps) = steps.as_deref_mut() {
-            steps.push(Step {
+        if keep == Keep::Steps {
+            out.steps.push(Step {
                 taken,
-                keep,
+                keep: after,
                 process,
             });
         }
@@ -191,15 +165,15 @@ fn pass(
     out
 }
 
+/// What is left of errors where the filter begins anew, and what the way adds.
+const NOTHING_LEFT: (Matrix, Error) = ([[0.0; STATES]; STATES], [0.0; STATES]);
+
 /// Covariance of a state that the sensors have just told.
 fn uncertain(sd: &Error, noise: &Noise) -> Matrix {
-    let mut p = [[0.0; STATES]; STATES];
+    let mut p = NOTHING_LEFT.0;
     for k in 0..STATES {
-        p[k][k] = if k < 9 {
-            sd[k] * sd[k]
-        } else {
-            noise.stationary(k).powi(2)
-        };
+        let sd = if k < GUST { sd[k] } else { noise.stationary(k) };
+        p[k][k] = sd * sd;
     }
     p
 }
@@ -219,61 +193,20 @@ fn wrapped(angle: f64) -> f64 {
     (angle + PI).rem_euclid(TAU) - PI
 }
 
-impl<'a> Filter<'a> {
-    /// `mean` at sample `i`, or in the mean of the way after it.
-    fn seen(&self, i: usize, mean: Mean, on_the_way: bool) -> Seen<'a> {
-        let (segment, world) = (self.segment, self.world.at(i));
-        let controls = world.controls(i, on_the_way);
-        let around = world.around(i, &mean);
-        let felt = world.felt(segment, i, &mean.body.rate, &around, &controls);
-        Seen {
-            segment,
-            world,
-            i,
-            on_the_way,
-            mean,
-            controls,
-            around,
-            felt,
-        }
-    }
-
-    /// Takes the readings of sample `i`.
-    fn update(&mut self, seen: &Seen<'_>, keep: bool, out: &mut Pass) -> Vec<Taken> {
-        let i = seen.i;
-        let expected = seen
-            .world
-            .sense_felt(self.segment, i, &seen.mean, &seen.around, &seen.felt);
-        let h = seen.observation();
+impl Filter<'_> {
+    /// Takes the readings of a sample.
+    fn update(&mut self, seen: &Seen<'_>) -> Vec<Taken> {
+        let (expected, h) = (seen.expected(), seen.observation());
         let mut d = [0.0; STATES];
         let mut all = Vec::with_capacity(CHANNELS);
-        let mut innovations = [0.0; CHANNELS];
         for c in 0..CHANNELS {
-            let measured = self.segment.measured[i][c];
-            if measured.is_nan() {
-                continue;
+            let away = self.segment.measured[seen.i][c] - expected[c];
+            if !away.is_nan() {
+                let away = if is_angle(c) { wrapped(away) } else { away };
+                all.push(self.take(c, &h[c], away, &mut d));
             }
-            let away = measured - expected[c];
-            innovations[c] = if is_angle(c) { wrapped(away) } else { away };
-            let taken = self.take(c, &h[c], innovations[c], &mut d);
-            out.log_score += taken.log_score;
-            out.count[c] += 1;
-            all.push(taken);
         }
-        for t in &all {
-            // Beyond Huber's bound a reading tells of outliers, not of noise.
-            let away = innovations[t.channel];
-            out.left[t.channel] += t.weight * away * (away - dot(&h[t.channel], &d));
-        }
-        self.mean = moved(&self.mean, &d);
-        if keep {
-            let mut standardised = [f64::NAN; CHANNELS];
-            for t in &all {
-                standardised[t.channel] = t.nu;
-            }
-            out.standardised.push(standardised);
-            out.means.push(self.mean);
-        }
+        self.mean = self.mean.moved(&d);
         all
     }
 
@@ -282,7 +215,7 @@ impl<'a> Filter<'a> {
     fn take(&mut self, c: usize, h: &Error, away: f64, d: &mut Error) -> Taken {
         let e = away - dot(h, d);
         let gain = times(&self.p, h);
-        let r = self.noise.sensor[c].powi(2);
+        let r = self.noise.sensor(c).powi(2);
         let known = dot(h, &gain).max(0.0);
         let variance = known + r;
         let nu = e / variance.sqrt();
@@ -305,7 +238,6 @@ impl<'a> Filter<'a> {
             noise,
             scale: (weight / variance).sqrt(),
             nu,
-            weight,
             log_score: -0.5 * (loss + (std::f64::consts::TAU * variance).ln()),
         }
     }
@@ -319,13 +251,10 @@ impl<'a> Filter<'a> {
         let dt = self.segment.time_s[i + 1] - self.segment.time_s[i];
         let next = self.world.at(i).step(self.segment, i, &self.mean);
         // Derivatives in the middle of the step hold to its second order.
-        let middle = self.seen(i, self.mean.midway(&next), true);
-        let step = Transition::of(
-            &middle.slopes(),
-            dt,
-            self.world.at(i).parts_of(i),
-            sensitivity.is_some(),
-        );
+        let between = self.mean.midway(&next);
+        let middle = Seen::of(self.segment, self.world, i, between, true);
+        let parts = self.world.at(i).parts_of(i);
+        let step = Transition::of(&middle.slopes(), dt, parts);
         if let Some(s) = sensitivity {
             s.predict(&middle, &step);
         }
@@ -338,7 +267,7 @@ impl<'a> Filter<'a> {
             let (mean, sd) = start(self.segment, self.world.at(i + 1), i + 1);
             self.mean = mean;
             self.p = uncertain(&sd, self.noise);
-            return ([[0.0; STATES]; STATES], [0.0; STATES]);
+            return NOTHING_LEFT;
         }
         (step.keep, process)
     }
@@ -364,38 +293,75 @@ pub struct Seen<'a> {
     pub felt: Felt,
 }
 
-impl Seen<'_> {
+impl<'a> Seen<'a> {
+    /// `mean` at sample `i`, or in the mean of the way after it.
+    pub fn of(
+        segment: &'a Segment,
+        world: &'a World,
+        i: usize,
+        mean: Mean,
+        on_the_way: bool,
+    ) -> Self {
+        let world = world.at(i);
+        let controls = world.controls(i, on_the_way);
+        let around = world.around(i, &mean);
+        Seen {
+            segment,
+            world,
+            i,
+            on_the_way,
+            mean,
+            controls,
+            around,
+            felt: world.felt(segment, i, &mean.body.rate, &around, &controls),
+        }
+    }
+
     /// What nameless terms are made from.
     pub fn meets(&self) -> Meeting {
         let flow = World::flow(&self.around.air);
         self.world.meets(self.segment, self.i, &flow)
     }
 
-    /// What is felt in a world a step aside.
-    pub fn felt_in(&self, aside: &Aside) -> Felt {
-        let world = aside.world.at(self.i);
-        let controls = if world.shares_controls_with(self.world) {
-            self.controls
-        } else {
-            world.controls(self.i, self.on_the_way)
-        };
-        let rate = &self.mean.body.rate;
-        let felt = |around| world.felt(self.segment, self.i, rate, around, &controls);
-        if aside.same_air {
-            felt(&self.around)
-        } else {
-            felt(&world.around(self.i, &self.mean))
+    /// The same in another world.
+    pub fn within(&self, world: &'a World) -> Self {
+        Self::of(self.segment, world, self.i, self.mean, self.on_the_way)
+    }
+
+    /// What the sensors read, SI.
+    pub fn expected(&self) -> [f64; CHANNELS] {
+        let mut read = self.world.read(&self.mean, &self.felt);
+        let body = &self.mean.body;
+        read[at::ROLL..at::ROLL + 3].copy_from_slice(&euler(&rotation(&body.attitude)));
+        read[at::VELOCITY..].copy_from_slice(&body.vel_ned);
+        for (read, lean) in read[at::ROLL..].iter_mut().zip(self.mean.some::<2>(LEAN)) {
+            *read += lean;
         }
+        if let Some(nameless) = &self.world.nameless {
+            nameless.misread(&self.meets(), &mut read);
+        }
+        read
+    }
+
+    /// Derivatives of what is felt by velocity through the air, rates relative to it and own rates.
+    fn derivatives(&self) -> [Felt; 9] {
+        std::array::from_fn(|k| {
+            let (mut around, mut rate) = (self.around, self.mean.body.rate);
+            match k {
+                0..3 => around.air[k] += DIFFERENCE,
+                3..6 => around.rate[k - 3] += DIFFERENCE,
+                _ => rate[k - 6] += DIFFERENCE,
+            }
+            let there = self
+                .world
+                .felt(self.segment, self.i, &rate, &around, &self.controls);
+            std::array::from_fn(|n| (there[n] - self.felt[n]) / DIFFERENCE)
+        })
     }
 
     /// Derivatives by the error states of what is felt, and of the fresh part of the gusts.
     fn by_states(&self) -> ([Felt; STATES], [[f64; 2]; STATES]) {
-        let rate = &self.mean.body.rate;
-        let (segment, around) = (self.segment, &self.around);
-        let by = self
-            .world
-            .derivatives(segment, self.i, rate, around, &self.controls, &self.felt);
-        let free = self.world.gyroscopic(rate);
+        let (by, around) = (self.derivatives(), &self.around);
         let axes = rotation(&self.mean.body.attitude);
         let mut felt = [[0.0; 9]; STATES];
         let mut fresh = [[0.0; 2]; STATES];
@@ -411,13 +377,12 @@ impl Seen<'_> {
                 _ => smoothed[state - SMOOTHED_LATERAL] = 1.0,
             }
             fresh[state] = [gust[1] - smoothed[0], gust[2] - smoothed[1]];
-            let turn = self.world.gradient().turn(fresh[state]);
+            let turn = self.world.gradient.turn(fresh[state]);
             for k in 0..3 {
                 for n in 0..9 {
-                    felt[state][n] += by[k][n] * air[k] + by[3 + k][n] * (own[k] + turn[k]);
-                }
-                for n in 0..3 {
-                    felt[state][SPIN + n] += free[k][n] * own[k];
+                    felt[state][n] += by[k][n] * air[k]
+                        + by[3 + k][n] * (own[k] + turn[k])
+                        + by[6 + k][n] * own[k];
                 }
             }
         }
@@ -427,11 +392,11 @@ impl Seen<'_> {
     /// Derivatives of the readings by the error states, row by row.
     fn observation(&self) -> [Error; CHANNELS] {
         let (felt, _) = self.by_states();
-        let [airspeed, alpha] = self.world.factors();
+        let sensors = &self.world.sensors;
         let mut h = [[0.0; STATES]; CHANNELS];
         for (state, felt) in felt.iter().enumerate() {
-            h[at::AIRSPEED][state] = airspeed * felt[0];
-            h[at::ALPHA][state] = alpha * felt[1];
+            h[at::AIRSPEED][state] = sensors.airspeed_factor * felt[0];
+            h[at::ALPHA][state] = sensors.alpha_factor * felt[1];
             h[at::BETA][state] = felt[2];
             for k in 0..3 {
                 h[at::FORCE + k][state] = felt[FORCE + k];
@@ -443,7 +408,7 @@ impl Seen<'_> {
             h[at::ROLL_RATE + k][6 + k] = 1.0;
             h[at::VELOCITY + k][k] = 1.0;
             // Disturbing angular acceleration is felt later only, disturbing force at once.
-            h[at::FORCE + k][15 + k] = 1.0;
+            h[at::FORCE + k][PUSHED + k] = 1.0;
         }
         for k in 0..2 {
             h[at::ROLL + k][LEAN + k] = 1.0;
@@ -455,8 +420,8 @@ impl Seen<'_> {
     fn slopes(&self) -> Matrix {
         let (felt, fresh) = self.by_states();
         let axes = rotation(&self.mean.body.attitude);
-        let towards = |f: &[f64; 3]| axes.map(|row| row[0] * f[0] + row[1] * f[1] + row[2] * f[2]);
-        let ways_m = self.world.gradient().ways_m();
+        let towards = |f: &[f64; 3]| towards(&axes, f);
+        let ways_m = self.world.gradient.ways_m();
         let airspeed = self.felt[0].max(SLOWEST_M_S);
         let mut a = [[0.0; STATES]; STATES];
         for state in 0..STATES {
@@ -468,8 +433,8 @@ impl Seen<'_> {
                 a[state][SMOOTHED_LATERAL + k] = change / ways_m[k];
             }
         }
-        let force = std::array::from_fn(|k| self.felt[FORCE + k] + self.mean.push[k]);
-        let decay = |state: usize| -1.0 / correlation_s(state);
+        let pushed = self.mean.some::<3>(PUSHED);
+        let force = std::array::from_fn(|k| self.felt[FORCE + k] + pushed[k]);
         for k in 0..3 {
             // An error of attitude, in body axes, turns the force and is carried round by the rates.
             let aside = towards(&turned(&force, k).map(|f| -f));
@@ -480,12 +445,9 @@ impl Seen<'_> {
             a[3 + k][3..6].copy_from_slice(&turned(&self.mean.body.rate, k).map(|r| -r));
             a[6 + k][3 + k] = 1.0;
             a[12 + k][6 + k] = 1.0;
-            for state in [9 + k, 12 + k, 15 + k] {
-                a[state][state] = decay(state);
-            }
         }
-        for state in LEAN..SMOOTHED_LATERAL {
-            a[state][state] = decay(state);
+        for state in GUST..SMOOTHED_LATERAL {
+            a[state][state] = -1.0 / correlation_s(state);
         }
         a
     }
@@ -527,15 +489,6 @@ fn dot(a: &Error, b: &Error) -> f64 {
     sum[0] + sum[1]
 }
 
-/// Correlation time of a state that remembers and is driven, s.
-pub fn correlation_s(state: usize) -> f64 {
-    match state {
-        ..12 => GUST_S[state - 9],
-        12..18 => DISTURBANCE_S,
-        _ => LEAN_S,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -546,13 +499,18 @@ mod tests {
         let angles =
             |mean: &Mean| fdm::dynamics::euler(&fdm::dynamics::rotation(&mean.body.attitude));
         for (roll, pitch, yaw) in [(0.1, 0.2, -0.5), (-1.0, 0.9, 2.0), (2.5, -0.7, 0.0)] {
-            let mean = Mean::still(fdm::quaternion(roll, pitch, yaw));
+            let mean = Mean::of(fdm::dynamics::Body {
+                pos_ned: [0.0; 3],
+                vel_ned: [0.0; 3],
+                attitude: fdm::quaternion(roll, pitch, yaw),
+                rate: [0.0; 3],
+            });
             let axes = fdm::dynamics::rotation(&mean.body.attitude);
             let told = of_angles(&axes);
             for k in 0..3 {
                 let mut d = [0.0; STATES];
                 d[3 + k] = 1e-6;
-                let (there, here) = (angles(&moved(&mean, &d)), angles(&mean));
+                let (there, here) = (angles(&mean.moved(&d)), angles(&mean));
                 for c in 0..3 {
                     let seen = (there[c] - here[c]) / 1e-6;
                     assert!((told[c][k] - seen).abs() < 1e-4, "{c} {k}: {told:?} {seen}");

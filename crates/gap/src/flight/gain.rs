@@ -10,6 +10,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::evidence::sum;
+use super::normal::Block;
 use super::study::{Linear, Study};
 use crate::verdict::{Gain, HeldOut};
 
@@ -19,8 +20,8 @@ fn squares(
     linear: &Linear,
     fit: impl Fn(&DMatrix<f64>, &DVector<f64>) -> DVector<f64>,
 ) -> Vec<f64> {
-    let (a, b) = sum(&linear.blocks, None);
-    let of_block = |block: &super::normal::Block| {
+    let (a, b) = sum(&linear.blocks);
+    let of_block = |block: &Block| {
         let values = fit(&(&a - &block.a), &(&b - &block.b));
         block.squares - 2.0 * values.dot(&block.b) + values.dot(&(&block.a * &values))
     };
@@ -30,23 +31,20 @@ fn squares(
 /// Gain over the base, nats, that the truth has on the blocks left out: `shift` is the truth's
 /// departure in every parameter, about which the base's tolerances are fitted.
 pub fn of_truth(study: &Study<'_>, linear: &Linear, shift: &[f64]) -> f64 {
-    let before = squares(linear, |a, b| study.solve(a, b, &[]));
+    let before = squares(linear, |a, b| study.posterior(a, b, &[]).0);
     let after = squares(linear, |a, b| {
         let truth = DVector::from_fn(b.len(), |j, _| shift.get(j).copied().unwrap_or(0.0));
-        study.solve(a, &(b - a * &truth), &[]) + truth
+        study.posterior(a, &(b - a * &truth), &[]).0 + truth
     });
     before.iter().zip(&after).map(|(b, a)| 0.5 * (b - a)).sum()
 }
 
 /// Scores of the base and of the base with `set` on the blocks left out.
 pub fn of_set(study: &Study<'_>, last: &Linear, set: &[usize]) -> Gain {
-    let before = squares(last, |a, b| study.solve(a, b, &[]));
-    let after = squares(last, |a, b| study.solve(a, b, set));
-    let gains: Vec<f64> = before
-        .iter()
-        .zip(&after)
-        .map(|(b, a)| 0.5 * (b - a))
-        .collect();
+    let before = squares(last, |a, b| study.posterior(a, b, &[]).0);
+    let after = squares(last, |a, b| study.posterior(a, b, set).0);
+    let pairs = before.iter().zip(&after);
+    let gains: Vec<f64> = pairs.map(|(b, a)| 0.5 * (b - a)).collect();
     let (before, after): (f64, f64) = (before.iter().sum(), after.iter().sum());
     let count: f64 = last.blocks.iter().map(|b| b.count as f64).sum();
     let n = gains.len() as f64;

@@ -1,12 +1,15 @@
 //! The gate on raw data: which parts fly, what is frozen, clipped, missing, far off or in a wrong
 //! unit. What does not pass is masked, and said.
 
+use std::ops::Range;
+
 use air::isa::Atmosphere;
+use fdm::dynamics::Dynamics;
 use fdm::{Aircraft, SurfaceCommand};
 
-use super::channel::{ALL, CHANNELS};
+use super::channel::{ALL, CHANNELS, Channel};
 use super::log::FlightLog;
-use super::{derived, units};
+use super::suspect;
 use crate::GapError;
 use crate::verdict::{DataQuality, Flaw};
 
@@ -24,6 +27,11 @@ const SPARSEST_S: f64 = 0.11;
 const DELAYS_S: f64 = 0.055;
 /// Fewest rows that fly: three for each coefficient of an aircraft.
 const FEWEST_ROWS: usize = 80;
+/// Fewest readings of a channel that is looked at.
+const FEWEST_READINGS: usize = 10;
+/// Fewest times in a row, and part of all readings, that a limited channel is at its limit.
+const FEWEST_CLIPPED: usize = 8;
+const CLIPPED_PART: f64 = 0.005;
 /// Part of repeated values above which a channel counts as sampled and held.
 const HELD_PART: f64 = 0.5;
 /// Shortest stretch of an unchanged value that counts as frozen, s.
@@ -58,6 +66,23 @@ impl Segment {
     pub fn is_empty(&self) -> bool {
         self.time_s.is_empty()
     }
+
+    /// How long it is, s.
+    pub fn duration_s(&self) -> f64 {
+        self.time_s.last().unwrap_or(&0.0) - self.time_s.first().unwrap_or(&0.0)
+    }
+
+    /// Some of its samples.
+    pub fn cut(&self, of: Range<usize>) -> Self {
+        Self {
+            log: self.log,
+            time_s: self.time_s[of.clone()].to_vec(),
+            measured: self.measured[of.clone()].to_vec(),
+            command: self.command[of.clone()].to_vec(),
+            density: self.density[of.clone()].to_vec(),
+            wind_ned: self.wind_ned.as_ref().map(|w| w[of].to_vec()),
+        }
+    }
 }
 
 /// What passed the gate.
@@ -81,6 +106,35 @@ pub struct Gated {
     pub tells_delays: bool,
 }
 
+impl Gated {
+    /// Number of samples.
+    pub fn rows(&self) -> usize {
+        self.segments.iter().map(Segment::len).sum()
+    }
+
+    /// At most so many stretches of so many samples, evenly through the data; all data where they are fewer.
+    pub fn thinned(&self, [most, samples]: [usize; 2]) -> Self {
+        let total = self.rows();
+        let stretch = |k: usize| {
+            // Middle of the k-th of so many equal parts.
+            let mut middle = (2 * k + 1) * total / (2 * most);
+            let s = self.segments.iter().find(|s| {
+                let holds = middle < s.len();
+                middle -= if holds { 0 } else { s.len() };
+                holds
+            })?;
+            let length = samples.min(s.len());
+            let from = middle.saturating_sub(length / 2).min(s.len() - length);
+            Some(s.cut(from..from + length))
+        };
+        let mut thin = self.clone();
+        if total > most * samples {
+            thin.segments = (0..most).filter_map(stretch).collect();
+        }
+        thin
+    }
+}
+
 /// Passes `logs` of `aircraft` through the gate.
 ///
 /// # Errors
@@ -100,30 +154,13 @@ pub fn pass(logs: &[FlightLog], aircraft: &Aircraft) -> Result<Gated, GapError> 
     for (index, log) in logs.iter().enumerate() {
         gated.notices.extend(log.notices.iter().cloned());
         dense_enough(log, &mut gated)?;
-        let segments = one(index, log, aircraft, &mut gated);
+        let segments = segments(index, log, aircraft, &mut gated);
         gated.segments.extend(segments);
     }
-    let flown: f64 = gated.segments.iter().map(duration).sum();
-    if flown < SHORTEST_S {
-        return Err(GapError::Data {
-            what: logs
-                .iter()
-                .map(|l| l.name.as_str())
-                .collect::<Vec<_>>()
-                .join(", "),
-            problem: format!(
-                "no part of at least {SHORTEST_S} s flies faster than {:.1} m/s without a gap",
-                FLYING_PART * aircraft.limits.airspeed_min_m_s
-            ),
-            expected: "a flight of the aircraft in the file, airspeed in m/s".into(),
-        });
-    }
-    enough_rows(logs, &gated)?;
+    enough_flown(logs, aircraft, &gated)?;
     for (k, channel) in ALL.iter().enumerate() {
-        gated.present[k] = gated
-            .segments
-            .iter()
-            .any(|s| s.measured.iter().any(|m| m[k].is_finite()));
+        let mut readings = gated.segments.iter().flat_map(|s| &s.measured);
+        gated.present[k] = readings.any(|m| m[k].is_finite());
         if !gated.present[k] {
             gated
                 .notices
@@ -161,16 +198,31 @@ fn dense_enough(log: &FlightLog, gated: &mut Gated) -> Result<(), GapError> {
     Ok(())
 }
 
-fn enough_rows(logs: &[FlightLog], gated: &Gated) -> Result<(), GapError> {
-    let rows: usize = gated.segments.iter().map(Segment::len).sum();
-    if rows >= FEWEST_ROWS {
+/// Whether what flies is long enough.
+fn enough_flown(logs: &[FlightLog], aircraft: &Aircraft, gated: &Gated) -> Result<(), GapError> {
+    let flown_s: f64 = gated.segments.iter().map(Segment::duration_s).sum();
+    let rows = gated.rows();
+    let (problem, expected) = if flown_s < SHORTEST_S {
+        let slowest = FLYING_PART * aircraft.limits.airspeed_min_m_s;
+        (
+            format!(
+                "no part of at least {SHORTEST_S} s flies faster than {slowest:.1} m/s without a gap"
+            ),
+            "a flight of the aircraft in the file, airspeed in m/s".to_owned(),
+        )
+    } else if rows < FEWEST_ROWS {
+        (
+            format!("only {rows} rows are in flight"),
+            format!("at least {FEWEST_ROWS} rows in flight"),
+        )
+    } else {
         return Ok(());
-    }
+    };
     let names: Vec<&str> = logs.iter().map(|l| l.name.as_str()).collect();
     Err(GapError::Data {
         what: names.join(", "),
-        problem: format!("only {rows} rows are in flight"),
-        expected: format!("at least {FEWEST_ROWS} rows in flight"),
+        problem,
+        expected,
     })
 }
 
@@ -179,60 +231,54 @@ fn interval_s(log: &FlightLog) -> f64 {
     median(log.time_s().windows(2).map(|w| w[1] - w[0]).collect())
 }
 
-fn duration(segment: &Segment) -> f64 {
-    segment.time_s.last().unwrap_or(&0.0) - segment.time_s.first().unwrap_or(&0.0)
-}
-
-fn one(index: usize, log: &FlightLog, aircraft: &Aircraft, gated: &mut Gated) -> Vec<Segment> {
-    let time = log.time_s();
+/// The parts of a log that fly, with what may be used of them.
+fn segments(index: usize, log: &FlightLog, aircraft: &Aircraft, gated: &mut Gated) -> Vec<Segment> {
     let interval = interval_s(log);
-    let parts = flying_parts(log, aircraft, interval, &mut gated.data_quality);
-    let mut channels: Vec<Vec<f64>> = Vec::new();
-    for channel in &ALL {
-        let mut values = log
-            .column(channel.column)
-            .map_or_else(|| vec![f64::NAN; time.len()], <[f64]>::to_vec);
+    let parts = flying_parts(log, aircraft, interval, gated);
+    let checked = |channel: &Channel| {
         let mut check = Check {
             log,
-            label: channel.label,
-            column: channel.column,
-            usual_noise: channel.usual_noise,
+            channel,
             parts: &parts,
-            flaws: &mut gated.data_quality,
-            notices: &mut gated.notices,
+            values: log
+                .column(channel.column)
+                .map_or_else(|| vec![f64::NAN; log.len()], <[f64]>::to_vec),
+            gated: &mut *gated,
         };
-        check.mask(&mut values, interval);
-        channels.push(values.iter().map(|v| v * channel.si).collect());
-    }
-    let suspected = units::suspected(log, &parts, &channels);
-    let derived = derived::found(&parts, &channels);
-    for (k, message) in suspected.into_iter().chain(derived) {
+        check.mask(interval);
+        check.values.iter().map(|v| v * channel.si).collect()
+    };
+    let mut channels: Vec<Vec<f64>> = ALL.iter().map(checked).collect();
+    for (k, message) in suspect::suspected(log.time_s(), &parts, &channels) {
         channels[k].fill(f64::NAN);
-        gated.data_quality.push(DataQuality {
-            platform: log.name.clone(),
-            kind: Flaw::Unit,
-            from_s: time[0],
-            to_s: time[time.len() - 1],
-            message,
-        });
+        flaw(log, gated, Flaw::Unit, 0..log.len(), message);
     }
     let command = commands(log, aircraft, gated);
     let wind = logged_wind(log);
     gated.has_wind &= wind.is_some();
     let density = density(log);
-    parts
-        .iter()
-        .map(|&(from, to)| Segment {
-            log: index,
-            time_s: time[from..to].to_vec(),
-            measured: (from..to)
-                .map(|i| std::array::from_fn(|k| channels[k][i]))
-                .collect(),
-            command: command[from..to].to_vec(),
-            density: density[from..to].to_vec(),
-            wind_ned: wind.as_ref().map(|w| w[from..to].to_vec()),
-        })
-        .collect()
+    let segment = |&(from, to): &(usize, usize)| Segment {
+        log: index,
+        time_s: log.time_s()[from..to].to_vec(),
+        measured: (from..to)
+            .map(|i| std::array::from_fn(|k| channels[k][i]))
+            .collect(),
+        command: command[from..to].to_vec(),
+        density: density[from..to].to_vec(),
+        wind_ned: wind.as_ref().map(|w| w[from..to].to_vec()),
+    };
+    parts.iter().map(segment).collect()
+}
+
+/// Reports a flaw of some rows.
+fn flaw(log: &FlightLog, gated: &mut Gated, kind: Flaw, rows: Range<usize>, message: String) {
+    gated.data_quality.push(DataQuality {
+        platform: log.name.clone(),
+        kind,
+        from_s: log.time_s()[rows.start],
+        to_s: log.time_s()[rows.end - 1],
+        message,
+    });
 }
 
 /// Ranges of rows that fly without a gap in time.
@@ -240,233 +286,206 @@ fn flying_parts(
     log: &FlightLog,
     aircraft: &Aircraft,
     interval: f64,
-    flaws: &mut Vec<DataQuality>,
+    gated: &mut Gated,
 ) -> Vec<(usize, usize)> {
     let time = log.time_s();
     let slowest = FLYING_PART * aircraft.limits.airspeed_min_m_s;
     let airspeed = log.column("airspeed_m_s").unwrap_or(&[]);
     let longest_step = (5.0 * interval).max(0.3);
-    let mut fast = 0.0;
-    let mut parts = Vec::new();
-    let mut start: Option<usize> = None;
-    for i in 0..time.len() {
-        // A second's mean, so that a gust does not cut the flight.
-        let value = airspeed.get(i).copied().unwrap_or(f64::NAN);
-        if value.is_finite() {
-            let weight = (interval / 1.0).min(1.0);
-            fast += weight * (value - fast);
-        }
-        let jump = i > 0 && time[i] - time[i - 1] > longest_step;
-        if jump && fast > slowest {
-            flaws.push(DataQuality {
-                platform: log.name.clone(),
-                kind: Flaw::Gap,
-                from_s: time[i - 1],
-                to_s: time[i],
-                message: "no rows".into(),
-            });
-        }
-        if (fast <= slowest || jump) && start.is_some() {
-            parts.extend(start.take().map(|s| (s, i)));
-        }
-        if fast > slowest && start.is_none() {
-            start = Some(i);
-        }
+    // A second's mean, so that a gust does not cut the flight.
+    let weight = interval.min(1.0);
+    let smoothed = airspeed.iter().scan(0.0, |mean, value| {
+        *mean += if value.is_finite() {
+            weight * (value - *mean)
+        } else {
+            0.0
+        };
+        Some(*mean)
+    });
+    let flies: Vec<bool> = smoothed.map(|mean| mean > slowest).collect();
+    let jumps = |i: usize| time[i] - time[i - 1] > longest_step;
+    for i in (1..flies.len()).filter(|&i| flies[i] && jumps(i)) {
+        flaw(log, gated, Flaw::Gap, i - 1..i + 1, "no rows".into());
     }
-    parts.extend(start.map(|s| (s, time.len())));
-    parts
-        .into_iter()
-        .filter_map(|(from, to)| {
-            let inside = |t: f64| t >= time[from] + ENDS_S && t <= time[to - 1] - ENDS_S;
-            let first = (from..to).find(|&i| inside(time[i]))?;
-            let last = (from..to).rev().find(|&i| inside(time[i]))?;
-            (time[last] - time[first] >= SHORTEST_S).then_some((first, last + 1))
-        })
-        .collect()
+    let rows: Vec<usize> = (0..flies.len()).collect();
+    let part = |run: &[usize]| {
+        let (begin, end) = (time[run[0]] + ENDS_S, time[run[run.len() - 1]] - ENDS_S);
+        let inside = |i: &&usize| (begin..=end).contains(&time[**i]);
+        let (first, last) = (*run.iter().find(inside)?, *run.iter().rfind(inside)?);
+        (flies[first] && time[last] - time[first] >= SHORTEST_S).then_some((first, last + 1))
+    };
+    let runs = rows.chunk_by(|a, b| flies[*a] == flies[*b] && !jumps(*b));
+    runs.filter_map(part).collect()
 }
 
 /// Looks at one channel and masks what is not to be used.
 struct Check<'a> {
     log: &'a FlightLog,
-    label: &'static str,
-    column: &'static str,
-    usual_noise: f64,
+    channel: &'a Channel,
     parts: &'a [(usize, usize)],
-    flaws: &'a mut Vec<DataQuality>,
-    notices: &'a mut Vec<String>,
+    values: Vec<f64>,
+    gated: &'a mut Gated,
 }
 
 impl Check<'_> {
-    fn flaw(&mut self, kind: Flaw, from: usize, to: usize, message: String) {
-        let time = self.log.time_s();
-        self.flaws.push(DataQuality {
-            platform: self.log.name.clone(),
-            kind,
-            from_s: time[from],
-            to_s: time[to.min(time.len() - 1)],
-            message: format!("{}: {message}", self.label),
-        });
+    fn flaw(&mut self, kind: Flaw, rows: Range<usize>, message: &str) {
+        let message = format!("{}: {message}", self.channel.label);
+        flaw(self.log, self.gated, kind, rows, message);
     }
 
-    fn mask(&mut self, values: &mut [f64], interval: f64) {
-        let inside: Vec<usize> = self.parts.iter().flat_map(|&(a, b)| a + 1..b).collect();
-        let known = inside.iter().filter(|&&i| values[i].is_finite()).count();
-        if known < 10 {
+    /// Rows that fly, but for the first `lead` and the last `tail` of each part.
+    fn rows(&self, lead: usize, tail: usize) -> impl Iterator<Item = usize> {
+        self.parts
+            .iter()
+            .flat_map(move |&(a, b)| a + lead..b - tail)
+    }
+
+    fn mask(&mut self, interval: f64) {
+        let known = self
+            .rows(1, 0)
+            .filter(|&i| self.values[i].is_finite())
+            .count();
+        if known < FEWEST_READINGS {
             return;
         }
-        let repeats = |i: &&usize| values[**i] == values[**i - 1];
-        let held = inside.iter().filter(repeats).count() as f64 / known as f64;
+        let repeats = self
+            .rows(1, 0)
+            .filter(|&i| self.values[i] == self.values[i - 1]);
+        let held = repeats.count() as f64 / known as f64;
         let update_s = interval / (1.0 - held).max(1e-3);
-        self.frozen(values, update_s);
-        if held > HELD_PART {
-            let before: Vec<f64> = values.to_vec();
-            for i in 1..values.len() {
-                if before[i] == before[i - 1] {
-                    values[i] = f64::NAN;
-                }
+        self.frozen(update_s);
+        if held <= HELD_PART {
+            self.clipped();
+            self.outliers();
+            return;
+        }
+        for i in (1..self.values.len()).rev() {
+            if self.values[i] == self.values[i - 1] {
+                self.values[i] = f64::NAN;
             }
-            if held < 1.0 - 1e-3 {
-                self.notices.push(format!(
-                    "{}: {} is sampled every {update_s:.2} s and held; only new values count",
-                    self.log.name, self.column
-                ));
-            }
-        } else {
-            self.clipped(values);
-            self.outliers(values);
+        }
+        if held < 1.0 - 1e-3 {
+            let (name, column) = (&self.log.name, self.channel.column);
+            self.gated.notices.push(format!(
+                "{name}: {column} is sampled every {update_s:.2} s and held; only new values count"
+            ));
         }
     }
 
     /// Runs of one value that are too long for its usual rate of change.
-    fn frozen(&mut self, values: &mut [f64], update_s: f64) {
+    fn frozen(&mut self, update_s: f64) {
         let time = self.log.time_s();
         let longest = FROZEN_S.max(8.0 * update_s);
-        let parts = self.parts;
-        for &(from, to) in parts {
-            let mut start = from;
-            for i in from + 1..=to {
-                if i < to && (values[i] == values[start] || values[start].is_nan()) {
-                    if values[start].is_nan() {
-                        start = i;
-                    }
-                    continue;
-                }
-                if time[i - 1] - time[start] > longest {
-                    let seconds = time[i - 1] - time[start];
+        for &(from, to) in self.parts {
+            let mut end = from;
+            let runs = self.values[from..to].chunk_by(|a, b| a == b);
+            let runs: Vec<Range<usize>> = runs
+                .map(|run| {
+                    end += run.len();
+                    end - run.len()..end
+                })
+                .collect();
+            for run in runs {
+                let seconds = time[run.end - 1] - time[run.start];
+                if seconds > longest {
+                    self.values[run.clone()].fill(f64::NAN);
                     self.flaw(
                         Flaw::Frozen,
-                        start,
-                        i - 1,
-                        format!("stands still for {seconds:.1} s"),
+                        run,
+                        &format!("stands still for {seconds:.1} s"),
                     );
-                    values[start..i].fill(f64::NAN);
                 }
-                start = i;
             }
         }
     }
 
     /// A highest or lowest value that comes again and again, several times in a row.
-    fn clipped(&mut self, values: &mut [f64]) {
-        let finite = |v: &&f64| v.is_finite();
-        let inside = || {
-            self.parts
-                .iter()
-                .flat_map(|&(a, b)| &values[a..b])
-                .filter(finite)
-        };
-        let high = inside().fold(f64::NEG_INFINITY, |a, &b| a.max(b));
-        let low = inside().fold(f64::INFINITY, |a, &b| a.min(b));
-        let count = inside().count();
+    fn clipped(&mut self) {
+        let inside: Vec<f64> = self
+            .rows(0, 0)
+            .map(|i| self.values[i])
+            .filter(|v| v.is_finite())
+            .collect();
+        let high = inside.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let low = inside.iter().copied().fold(f64::INFINITY, f64::min);
         for limit in [low, high] {
-            let hits: Vec<usize> = self
-                .parts
-                .iter()
-                .flat_map(|&(a, b)| a + 2..b)
-                .filter(|&i| (i - 2..=i).all(|k| values[k] == limit))
-                .collect();
-            if hits.len() < 8 || hits.len() * 200 < count {
+            let stays = |i: &usize| self.values[i - 2..=*i].iter().all(|v| *v == limit);
+            let hits: Vec<usize> = self.rows(2, 0).filter(stays).collect();
+            if hits.len() < FEWEST_CLIPPED
+                || (hits.len() as f64) < CLIPPED_PART * inside.len() as f64
+            {
                 continue;
             }
-            let (first, last) = (hits[0] - 2, hits[hits.len() - 1]);
-            let share = 100.0 * hits.len() as f64 / count as f64;
+            let share = 100.0 * hits.len() as f64 / inside.len() as f64;
+            let rows = hits[0] - 2..hits[hits.len() - 1] + 1;
             self.flaw(
                 Flaw::Clipped,
-                first,
-                last,
-                format!("is limited at {limit} for {share:.1} % of the time"),
+                rows,
+                &format!("is limited at {limit} for {share:.1} % of the time"),
             );
-            for v in values.iter_mut().filter(|v| **v == limit) {
+            for v in self.values.iter_mut().filter(|v| **v == limit) {
                 *v = f64::NAN;
             }
         }
     }
 
     /// Single values far off both neighbours.
-    fn outliers(&mut self, values: &mut [f64]) {
-        let mut off = Vec::new();
-        for &(from, to) in self.parts {
-            for i in from + 1..to - 1 {
-                let (a, b, c) = (values[i - 1], values[i], values[i + 1]);
-                off.push((i, b - (a + b + c - a.min(b).min(c) - a.max(b).max(c))));
-            }
-        }
+    fn outliers(&mut self) {
+        let values = &self.values;
+        let off = |i: usize| {
+            let (a, b, c) = (values[i - 1], values[i], values[i + 1]);
+            (b - (a + b + c - a.min(b).min(c) - a.max(b).max(c))).abs()
+        };
         // Against the usual change from row to row, and against the usual noise: a fast and
         // quiet sensor has no outliers in a sharp turn.
-        let changes = self
-            .parts
-            .iter()
-            .flat_map(|&(a, b)| a + 1..b)
-            .map(|i| (values[i] - values[i - 1]).abs())
-            .filter(|d| *d > 0.0)
+        let changes = self.rows(1, 0).map(|i| (values[i] - values[i - 1]).abs());
+        let scale =
+            (1.5 * median(changes.filter(|d| *d > 0.0).collect())).max(self.channel.usual_noise);
+        let far: Vec<usize> = self
+            .rows(1, 1)
+            .filter(|&i| off(i) > OUTLIER * scale)
             .collect();
-        let scale = (1.5 * median(changes)).max(self.usual_noise);
-        let far: Vec<usize> = off
-            .iter()
-            .filter(|o| o.1.abs() > OUTLIER * scale)
-            .map(|o| o.0)
-            .collect();
-        if far.is_empty() || scale.is_nan() {
-            return;
+        for &i in &far {
+            self.values[i] = f64::NAN;
         }
-        let message = format!("{} single values far from their neighbours", far.len());
-        self.flaw(Flaw::Outlier, far[0], far[far.len() - 1], message);
-        for i in far {
-            values[i] = f64::NAN;
+        if let (Some(first), Some(last)) = (far.first(), far.last()) {
+            let message = format!("{} single values far from their neighbours", far.len());
+            self.flaw(Flaw::Outlier, *first..last + 1, &message);
         }
     }
 }
 
-/// Commands row by row; a missing cell keeps the last.
-fn commands(log: &FlightLog, aircraft: &Aircraft, gated: &mut Gated) -> Vec<SurfaceCommand> {
-    let held = |name: &str| {
-        log.column(name).map(|values| {
-            let mut last = values
-                .iter()
-                .copied()
-                .find(|v| v.is_finite())
-                .unwrap_or(0.0);
-            let keep = |v: &f64| {
-                if v.is_finite() {
-                    last = *v;
-                }
-                last
-            };
-            values.iter().map(keep).collect::<Vec<f64>>()
-        })
+/// A column in which a missing cell keeps the last value, and the first the next.
+fn held(log: &FlightLog, name: &str) -> Option<Vec<f64>> {
+    let values = log.column(name)?;
+    let mut last = values
+        .iter()
+        .copied()
+        .find(|v| v.is_finite())
+        .unwrap_or(0.0);
+    let keep = |v: &f64| {
+        last = if v.is_finite() { *v } else { last };
+        last
     };
-    let none = vec![0.0; log.len()];
-    let (left, right, elevator);
-    if let (Some(l), Some(r)) = (held("elevon_left_deg"), held("elevon_right_deg")) {
-        elevator = l.iter().zip(&r).map(|(l, r)| 0.5 * (l + r)).collect();
-        (left, right) = (l, r);
-    } else {
-        elevator = held("elevator_deg").unwrap_or_else(|| none.clone());
-        left = held("aileron_left_deg").unwrap_or_else(|| none.clone());
-        right = held("aileron_right_deg").unwrap_or_else(|| none.clone());
-    }
-    let rudder = held("rudder_deg");
-    let throttle = held("throttle");
+    Some(values.iter().map(keep).collect())
+}
+
+/// Commands row by row.
+fn commands(log: &FlightLog, aircraft: &Aircraft, gated: &mut Gated) -> Vec<SurfaceCommand> {
+    let or_none = |name: &str| held(log, name).unwrap_or_else(|| vec![0.0; log.len()]);
+    let elevons = held(log, "elevon_left_deg").zip(held(log, "elevon_right_deg"));
+    let (left, right, elevator) = match elevons {
+        Some((l, r)) => {
+            let elevator = l.iter().zip(&r).map(|(l, r)| 0.5 * (l + r)).collect();
+            (l, r, elevator)
+        }
+        None => (
+            or_none("aileron_left_deg"),
+            or_none("aileron_right_deg"),
+            or_none("elevator_deg"),
+        ),
+    };
+    let (rudder, throttle) = (held(log, "rudder_deg"), held(log, "throttle"));
     if rudder.is_none() && aircraft.has_rudder() {
         gated.has_rudder = false;
         let notice = format!("{}: no rudder_deg; the rudder is assumed neutral", log.name);
@@ -479,32 +498,26 @@ fn commands(log: &FlightLog, aircraft: &Aircraft, gated: &mut Gated) -> Vec<Surf
             log.name
         ));
     }
-    let dynamics = fdm::dynamics::Dynamics::new(aircraft);
     let cruise = aircraft.limits.airspeed_cruise_m_s;
-    let level = fdm::trim::level(&dynamics, cruise, 1.225).map_or(0.5, |t| t.throttle);
-    (0..log.len())
-        .map(|i| SurfaceCommand {
-            elevator_rad: elevator[i].to_radians(),
-            aileron_rad: (0.5 * (left[i] - right[i])).to_radians(),
-            rudder_rad: rudder.as_ref().map_or(0.0, |r| r[i].to_radians()),
-            throttle: throttle.as_ref().map_or(level, |t| t[i]),
-            launch: false,
-        })
-        .collect()
+    let level =
+        fdm::trim::level(&Dynamics::new(aircraft), cruise, 1.225).map_or(0.5, |t| t.throttle);
+    let command = |i: usize| SurfaceCommand {
+        elevator_rad: elevator[i].to_radians(),
+        aileron_rad: (0.5 * (left[i] - right[i])).to_radians(),
+        rudder_rad: rudder.as_ref().map_or(0.0, |r| r[i].to_radians()),
+        throttle: throttle.as_ref().map_or(level, |t| t[i]),
+        launch: false,
+    };
+    (0..log.len()).map(command).collect()
 }
 
 /// Density of the standard atmosphere at the logged altitude, else at sea level.
 fn density(log: &FlightLog) -> Vec<f64> {
     let standard = Atmosphere::standard();
-    let heights = log.column("alt_amsl_m");
-    let mut last = 0.0;
-    (0..log.len())
-        .map(|i| {
-            if let Some(height) = heights.map(|h| h[i]).filter(|h| h.is_finite()) {
-                last = height;
-            }
-            standard.at(last).density_kg_m3()
-        })
+    let heights = held(log, "alt_amsl_m").unwrap_or_else(|| vec![0.0; log.len()]);
+    heights
+        .into_iter()
+        .map(|height| standard.at(height).density_kg_m3())
         .collect()
 }
 

@@ -3,8 +3,11 @@
 use serde::Serialize;
 
 use super::channel::{ALL, CHANNELS, at};
+use super::filter::Seen;
 use super::gate::Segment;
 use super::motion::{Mean, World};
+use super::noise::Noise;
+use super::study::Study;
 
 /// Length of a window that is simulated from its own start, s: short enough that gusts, which no
 /// simulation knows, do not carry it off.
@@ -46,70 +49,69 @@ fn starts(segment: &Segment) -> Vec<usize> {
     out
 }
 
-/// Readings simulated with the measured commands, each window from the filter's state at its
-/// start.
-pub fn simulate(segment: &Segment, world: &World, means: &[Mean]) -> Vec<[f64; CHANNELS]> {
-    let mut out = Vec::with_capacity(segment.len());
-    let mut state = undisturbed(&means[0]);
-    let mut starts = starts(segment).into_iter().peekable();
-    for i in 0..segment.len() {
-        if starts.next_if_eq(&i).is_some() {
-            state = undisturbed(&means[i]);
+/// Readings simulated with the measured commands, each window from the filter's state at its start.
+fn simulate(
+    segment: &Segment,
+    world: &World,
+    means: &[Mean],
+    starts: &[usize],
+) -> Vec<[f64; CHANNELS]> {
+    let mut state = means[0];
+    let mut reading = |i: usize| {
+        if starts.binary_search(&i).is_ok() {
+            state = means[i].undisturbed();
         }
-        out.push(world.at(i).sense(segment, i, &state));
+        let read = Seen::of(segment, world, i, state, false).expected();
         if i + 1 < segment.len() {
             state = world.at(i).step(segment, i, &state);
         }
-    }
-    out
+        read
+    };
+    (0..segment.len()).map(&mut reading).collect()
 }
 
-/// A state without the disturbances that the filter adds to the model: a simulation has none.
-fn undisturbed(mean: &Mean) -> Mean {
-    Mean {
-        spin: [0.0; 3],
-        push: [0.0; 3],
-        ..*mean
-    }
-}
-
-/// Histories of every channel of `segment` from what base and extension simulate and innovate.
-pub fn histories(
-    segment: &Segment,
-    simulated: [&[[f64; CHANNELS]]; 2],
-    standardised: [&[[f64; CHANNELS]]; 2],
-) -> Vec<History> {
-    (0..CHANNELS)
-        .filter(|&c| segment.measured.iter().any(|m| m[c].is_finite()))
-        .map(|c| {
-            let unit = |v: f64| v / ALL[c].si;
-            let column = |of: &[[f64; CHANNELS]]| of.iter().map(|r| r[c]).collect::<Vec<f64>>();
-            let measured: Vec<f64> = segment.measured.iter().map(|m| unit(m[c])).collect();
-            // A compass that was unwrapped stays comparable.
-            let near = |of: &[[f64; CHANNELS]]| {
-                of.iter()
-                    .zip(&measured)
-                    .map(|(r, m)| {
-                        let value = unit(r[c]);
-                        if c == at::ROLL + 2 && m.is_finite() {
-                            m + (value - m + 180.0).rem_euclid(360.0) - 180.0
-                        } else {
-                            value
-                        }
-                    })
-                    .collect()
+/// Histories of every channel of all segments with the departures of base and extension.
+pub fn histories(study: &Study<'_>, noise: &Noise, theta: [&[f64]; 2]) -> Vec<History> {
+    let passes = theta.map(|theta| study.passes(theta, noise));
+    let mut all = Vec::new();
+    for (k, segment) in study.gated.segments.iter().enumerate() {
+        let starts = starts(segment);
+        let simulated = [0, 1].map(|v| {
+            let world = study.world(segment, theta[v]);
+            simulate(segment, &world, &passes[v][k].means, &starts)
+        });
+        for (c, channel) in ALL.iter().enumerate() {
+            let column = |of: &[[f64; CHANNELS]], si: f64| {
+                of.iter().map(|r| r[c] / si).collect::<Vec<f64>>()
             };
-            History {
-                label: ALL[c].label,
-                unit: ALL[c].unit,
-                time_s: segment.time_s.clone(),
-                base: near(simulated[0]),
-                extended: near(simulated[1]),
-                starts: starts(segment),
-                measured,
-                base_standardised: column(standardised[0]),
-                extended_standardised: column(standardised[1]),
+            let measured = column(&segment.measured, channel.si);
+            if measured.iter().all(|m| m.is_nan()) {
+                continue;
             }
-        })
-        .collect()
+            let [mut base, mut extended] = [0, 1].map(|v| column(&simulated[v], channel.si));
+            if c == at::ROLL + 2 {
+                // A compass that was unwrapped stays comparable.
+                for (value, m) in base
+                    .iter_mut()
+                    .chain(&mut extended)
+                    .zip(measured.iter().cycle())
+                {
+                    let near = m + (*value - m + 180.0).rem_euclid(360.0) - 180.0;
+                    *value = if m.is_finite() { near } else { *value };
+                }
+            }
+            all.push(History {
+                label: channel.label,
+                unit: channel.unit,
+                time_s: segment.time_s.clone(),
+                measured,
+                base,
+                extended,
+                starts: starts.clone(),
+                base_standardised: column(&passes[0][k].standardised, 1.0),
+                extended_standardised: column(&passes[1][k].standardised, 1.0),
+            });
+        }
+    }
+    all
 }

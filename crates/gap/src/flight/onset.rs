@@ -7,10 +7,10 @@
 //! pay for its onset, which could be any time of the flight: by the part of the flight in which the
 //! score says that it is.
 
-use super::evidence::{Candidate, Fit, Model, Word, sum};
+use super::evidence::{Model, Word, sum};
 use super::noise::Noise;
 use super::normal::Block;
-use super::study::{Linear, Onset, Study};
+use super::study::{Linear, Onset, STEP, Study};
 use crate::verdict::Measured;
 use nalgebra::{DMatrix, DVector};
 
@@ -54,39 +54,38 @@ struct Promise {
 /// The question with an onset where one makes the data more probable, with the views of the base and from
 /// where the search ended; as given where none does.
 pub fn look<'a>(study: Study<'a>, first: Linear, last: Linear) -> (Study<'a>, Linear, Linear) {
-    let promises = promises(&study, &first);
-    let whole = |v: &Linear| v.log_posterior + v.noise.log_prior();
     let mut best: Option<(Study<'a>, Linear)> = None;
-    for promise in promises {
-        let least = best.as_ref().map_or(whole(&last), |b| whole(&b.1));
-        if let Some(found) = descend(&study, &first, &promise)
-            && whole(&found.1) > least
-        {
-            best = Some(found);
-        }
+    for promise in promises(&study, &first) {
+        let least = best.as_ref().map_or(&last, |b| &b.1).with_noise_prior();
+        let found = descend(&study, &first, &promise);
+        best = found.filter(|f| f.1.with_noise_prior() > least).or(best);
     }
     match best {
         Some((with, view)) => {
-            let theta = with.extended(&first.theta);
-            let first = with.linearise(theta, first.noise);
+            let first = with.linearise(extended(&with, &first.theta), first.noise);
             (with, first, view)
         }
         None => (study, first, last),
     }
 }
 
+/// Departures of the question without an onset where nothing sets in.
+fn extended(with: &Study<'_>, theta: &[f64]) -> Vec<f64> {
+    let mut out = theta.to_vec();
+    out.resize(with.width(), 0.0);
+    out
+}
+
 /// The most promising onsets, the best first, with gains over the best model without one.
 fn promises(study: &Study<'_>, first: &Linear) -> Vec<Promise> {
     let (blocks, _) = study.blocks(&first.theta, &first.noise, edge_s(study));
-    let (a, b) = sum(&blocks, None);
+    let (a, b) = sum(&blocks);
     let whole = Word::new(&a, &b, &study.tolerances(), first.word.dispersion);
-    let plain = super::evidence::search(&whole, &study.candidates);
-    let mut out: Vec<Promise> = infer::parallel_map(&edges(&blocks), |edge| {
-        promise(study, &blocks, *edge, first.word.dispersion, &plain)
-    })
-    .into_iter()
-    .flatten()
-    .collect();
+    let plain = &whole.search(&study.candidates)[0];
+    let tried = infer::parallel_map(&onsets(study, &blocks), |onset| {
+        promise(study, &blocks, *onset, first.word.dispersion, plain)
+    });
+    let mut out: Vec<Promise> = tried.into_iter().flatten().collect();
     out.sort_by(|a, b| b.nats.total_cmp(&a.nats));
     let mut kept: Vec<Promise> = Vec::new();
     for promise in out {
@@ -107,190 +106,112 @@ fn edge_s(study: &Study<'_>) -> f64 {
     (study.flown_s() / MOST_EDGES).max(EDGE_S)
 }
 
-/// Blocks at whose beginning something may set in.
-fn edges(blocks: &[Block]) -> Vec<usize> {
-    let of_log = |k: usize| blocks.iter().filter(move |b| b.log == blocks[k].log);
-    let inside = |k: &usize| {
-        let from_s = of_log(*k).map(|b| b.from_s).fold(f64::INFINITY, f64::min);
-        let to_s = of_log(*k).map(|b| b.to_s).fold(f64::NEG_INFINITY, f64::max);
-        let at_s = blocks[*k].from_s;
-        at_s > from_s + LEAST_SIDE_S && at_s < to_s - LEAST_SIDE_S
+/// The beginnings of blocks at which something may set in.
+fn onsets(study: &Study<'_>, blocks: &[Block]) -> Vec<Onset> {
+    let of = |b: &Block| Onset {
+        log: b.log,
+        at_s: b.from_s,
     };
-    (0..blocks.len()).filter(inside).collect()
+    let is_inside = |onset: &Onset| {
+        let [from_s, to_s] = study.onsets_s(onset.log, LEAST_SIDE_S);
+        onset.at_s > from_s && onset.at_s < to_s
+    };
+    blocks.iter().map(of).filter(is_inside).collect()
 }
 
-/// What an onset at the beginning of block `edge` promises; none where it is too little.
+/// What an onset promises; none where it is too little.
 fn promise(
     study: &Study<'_>,
     blocks: &[Block],
-    edge: usize,
+    onset: Onset,
     dispersion: f64,
-    plain: &[Model],
+    plain: &Model,
 ) -> Option<Promise> {
-    let onset = Onset {
-        log: blocks[edge].log,
-        at_s: blocks[edge].from_s,
-    };
     let with = study.with_onset(onset);
-    let after = blocks[edge..].iter().filter(|b| b.log == onset.log);
-    let (a, b) = augmented(&with, blocks, after);
-    let word = Word::new(&a, &b, &with.tolerances(), dispersion);
-    let best = with.mapped(&plain[0].set);
-    let mut sets = vec![Vec::new(), best.clone()];
-    sets.extend((0..best.len()).map(|out| {
-        let mut rest = best.clone();
-        rest.remove(out);
-        rest
+    let places: Vec<usize> = (0..with.of_mechanisms()).collect();
+    let sets_in = |b: &Block| f64::from(b.from_s >= onset.at_s);
+    let word = word_of(&with, blocks, dispersion, &places, sets_in);
+    let mut sets = vec![Vec::new(), plain.set.clone()];
+    sets.extend(plain.set.iter().map(|out| {
+        let rest = plain.set.iter().filter(|k| *k != out);
+        rest.copied().collect()
     }));
-    let charge = super::evidence::charge(&word, &with.candidates);
-    let judged = |set: &Vec<usize>| -> f64 {
-        let chosen: Vec<&Candidate> = set.iter().map(|&k| &with.candidates[k]).collect();
-        let Fit { log_evidence, .. } = word.fit(&chosen);
-        let prior: f64 = chosen.iter().map(|c| c.log_prior).sum();
-        log_evidence + prior - charge * set.len().saturating_sub(1) as f64
-    };
-    let tried = with.late().flat_map(|late| {
-        sets.iter().map(move |set| {
-            let mut set = set.clone();
-            set.push(late);
-            set
-        })
-    });
-    let (set, value) = tried
-        .map(|set| {
-            let value = judged(&set);
-            (set, value)
-        })
-        .max_by(|a, b| a.1.total_cmp(&b.1))?;
-    let nats = value - plain[0].log_posterior;
+    let charge = word.charge(&with.candidates);
+    let late = (0..with.candidates.len()).filter(|k| with.has_late(&[*k]));
+    let tried = late.flat_map(|late| sets.iter().map(move |set| [&set[..], &[late]].concat()));
+    let best = tried
+        .map(|set| word.model(&with.candidates, set, charge))
+        .max_by(|a, b| a.log_posterior.total_cmp(&b.log_posterior))?;
+    let nats = best.log_posterior - plain.log_posterior;
+    let set = best.set;
     (nats > PROMISING_NATS).then_some(Promise { onset, set, nats })
 }
 
-/// Whether the late candidate `late` of the best set began at once: as a change that takes some time the data
-/// are less probable.
+/// Whether the candidate `late` of the best set began at once: as a change that takes some time the data are less
+/// probable.
 fn is_sudden(with: &Study<'_>, now: &Linear, late: usize) -> bool {
     let Some(onset) = with.onset else {
         return false;
     };
     let block_s = edge_s(with);
     let (blocks, _) = with.blocks(&now.theta, &now.noise, block_s);
-    let rest: Vec<usize> = now.models[0]
-        .set
-        .iter()
-        .copied()
-        .filter(|k| *k != late)
-        .collect();
+    let mut candidates = with.candidates.clone();
+    let grown = &mut candidates[late].columns;
+    let places: Vec<usize> = grown.iter().map(|j| j - with.first_late()).collect();
+    *grown = (with.width()..with.width() + places.len()).collect();
     let value = |grown: &dyn Fn(f64) -> f64| {
-        let weights: Vec<f64> = blocks
-            .iter()
-            .map(|b| {
-                if b.log == onset.log {
-                    grown(0.5 * (b.from_s + b.to_s))
-                } else {
-                    0.0
-                }
-            })
-            .collect();
-        grown_evidence(with, &blocks, &weights, late, &rest, now.word.dispersion)
+        let weight = |b: &Block| grown(0.5 * (b.from_s + b.to_s)).clamp(0.0, 1.0);
+        let word = word_of(with, &blocks, now.word.dispersion, &places, weight);
+        let set = now.models[0].set.clone();
+        word.model(&candidates, set, 0.0).log_evidence
     };
-    let half_s = 0.5 * block_s;
-    let sudden = value(&|t| ((t - onset.at_s) / block_s + 0.5).clamp(0.0, 1.0));
-    let [from_s, to_s] = with.onsets_s(onset.log, half_s);
+    let sudden = value(&|t| (t - onset.at_s) / block_s + 0.5);
+    let [from_s, to_s] = with.onsets_s(onset.log, 0.5 * block_s);
     let end = |k: usize| from_s + (to_s - from_s) * k as f64 / (RAMP_ENDS - 1) as f64;
-    let pairs = (0..RAMP_ENDS).flat_map(|i| (i + 1..RAMP_ENDS).map(move |j| (i, j)));
-    let ramps: Vec<(f64, f64)> = pairs
-        .map(|(i, j)| (end(i), end(j)))
-        .filter(|(a, b)| b - a >= GRADUAL_S)
-        .collect();
-    let gradual = infer::parallel_map(&ramps, |(a, b)| {
-        value(&|t| ((t - a) / (b - a)).clamp(0.0, 1.0))
-    });
+    let pairs = (0..RAMP_ENDS).flat_map(|i| (i + 1..RAMP_ENDS).map(move |j| (end(i), end(j))));
+    let ramps: Vec<(f64, f64)> = pairs.filter(|(a, b)| b - a >= GRADUAL_S).collect();
+    let gradual = infer::parallel_map(&ramps, |(a, b)| value(&|t| (t - a) / (b - a)));
     gradual.into_iter().all(|g| sudden - g >= SUDDEN_NATS)
 }
 
-/// Log evidence of the set `rest` with the mechanism of the candidate `late`, which has grown to the part
-/// `weights` of its size in each block.
-fn grown_evidence(
+/// The data's word with further columns: those of the parameters at `places` from when they have grown to a part of their
+/// size in each block of the onset's log.
+fn word_of(
     with: &Study<'_>,
     blocks: &[Block],
-    weights: &[f64],
-    late: usize,
-    rest: &[usize],
     dispersion: f64,
-) -> f64 {
-    let candidate = &with.candidates[late];
-    let n = with.width();
-    let places: Vec<usize> = candidate
-        .columns
-        .iter()
-        .filter_map(|&j| with.parameters[j].effect.later_than())
-        .collect();
-    let p = places.len();
-    let (mut a, mut b) = (DMatrix::zeros(n + p, n + p), DVector::zeros(n + p));
-    for (block, w) in blocks.iter().zip(weights) {
-        let mut part = a.view_mut((0, 0), (n, n));
-        part += &block.a;
-        let mut head = b.rows_mut(0, n);
-        head += &block.b;
-        for (i, &own) in places.iter().enumerate() {
-            for j in 0..n {
-                a[(n + i, j)] += w * block.a[(own, j)];
-                a[(j, n + i)] += w * block.a[(j, own)];
+    places: &[usize],
+    grown: impl Fn(&Block) -> f64,
+) -> Word {
+    // Sums of the blocks, of their parts, and of the parts of their parts.
+    let width = blocks.first().map_or(0, |b| b.b.len());
+    let mut sums = [0; 3].map(|_| (DMatrix::zeros(width, width), DVector::zeros(width)));
+    for block in blocks {
+        let is_late = with.onset.is_some_and(|o| o.log == block.log);
+        let grown = if is_late { grown(block) } else { 0.0 };
+        for ((a, b), power) in sums.iter_mut().zip(0..) {
+            let part = grown.powi(power);
+            if part != 0.0 {
+                a.zip_apply(&block.a, |sum, own| *sum += part * own);
+                b.axpy(part, &block.b, 1.0);
             }
-            for (j, &other) in places.iter().enumerate() {
-                a[(n + i, n + j)] += w * w * block.a[(own, other)];
-            }
-            b[n + i] += w * block.b[own];
         }
     }
-    let word = Word::new(&a, &b, &with.tolerances(), dispersion);
-    let grown = Candidate {
-        columns: (n..n + p).collect(),
-        ..candidate.clone()
-    };
-    let chosen: Vec<&Candidate> = rest
-        .iter()
-        .map(|&k| &with.candidates[k])
-        .chain([&grown])
-        .collect();
-    word.fit(&chosen).log_evidence
-}
-
-/// The normal equations with the columns of what sets in: those of the same parameters, but of the blocks
-/// `after` alone.
-fn augmented<'b>(
-    with: &Study<'_>,
-    blocks: &[Block],
-    after: impl Iterator<Item = &'b Block>,
-) -> (DMatrix<f64>, DVector<f64>) {
-    let (a, b) = sum(blocks, None);
-    let (mut late_a, mut late_b) = (DMatrix::zeros(b.len(), b.len()), DVector::zeros(b.len()));
-    for block in after {
-        late_a += &block.a;
-        late_b += &block.b;
-    }
-    // Place of each column among the old ones, and whether it counts late.
-    let late = with.parameters.iter().filter_map(|p| p.effect.later_than());
-    let known = with.parameters.len() - late.clone().count();
-    let columns: Vec<(usize, bool)> = (0..known)
-        .map(|j| (j, false))
-        .chain(late.map(|j| (j, true)))
-        .chain((known..b.len()).map(|j| (j, false)))
-        .collect();
-    let n = columns.len();
-    let matrix = DMatrix::from_fn(n, n, |i, j| {
-        let ((p, p_late), (q, q_late)) = (columns[i], columns[j]);
-        if p_late || q_late {
-            late_a[(p, q)]
+    // Each column's own in the blocks, and whether it counts by its part.
+    let own = |j: usize| {
+        if j < width {
+            (j, 0)
         } else {
-            a[(p, q)]
+            (places[j - width], 1)
         }
+    };
+    let n = width + places.len();
+    let a = DMatrix::from_fn(n, n, |i, j| {
+        let ((i, i_part), (j, j_part)) = (own(i), own(j));
+        sums[i_part + j_part].0[(i, j)]
     });
-    let vector = DVector::from_fn(n, |i, _| {
-        let (p, late) = columns[i];
-        if late { late_b[p] } else { b[p] }
-    });
-    (matrix, vector)
+    let b = DVector::from_fn(n, |j, _| sums[own(j).1].1[own(j).0]);
+    Word::new(&a, &b, &with.tolerances(), dispersion)
 }
 
 /// Goes with the filter where an onset leads, moving the onset on the way; none where nothing that sets in is
@@ -301,10 +222,10 @@ fn descend<'a>(
     promise: &Promise,
 ) -> Option<(Study<'a>, Linear)> {
     let mut with = study.with_onset(promise.onset);
-    let mut now = with.linearise(with.extended(&first.theta), first.noise.clone());
+    let mut now = with.linearise(extended(&with, &first.theta), first.noise.clone());
     let mut set = promise.set.clone();
     for _ in 0..ROUNDS {
-        let theta = with.step_towards(&now, &set);
+        let theta = with.step_towards(&now, &set, STEP);
         let noise = with.noise(&theta, now.noise.clone(), NOISE_STEPS);
         let moved = moved(&with, &theta, &noise, now.word.dispersion);
         let shift_s = (moved.onset.at_s - with.onset?.at_s).abs();
@@ -314,29 +235,20 @@ fn descend<'a>(
         if !next.log_score.is_finite() {
             return None;
         }
-        let gained =
-            next.log_posterior + next.noise.log_prior() - now.log_posterior - now.noise.log_prior();
+        let gained = next.with_noise_prior() - now.with_noise_prior();
         now = next;
-        let models = now.models.iter();
-        let best = models.into_iter().find(|m| with.has_late(&m.set))?;
+        let best = now.models.iter().find(|m| with.has_late(&m.set))?;
         let stays = best.set == set;
         set.clone_from(&best.set);
         if stays && shift_s < 2.0 * STEPS_S[1] && gained < 1.0 {
             break;
         }
     }
-    now = with.quieter(with.refitted(now));
-    let set = &now.models[0].set;
-    let late: Vec<usize> = set
-        .iter()
-        .copied()
-        .filter(|k| with.late().contains(k))
-        .collect();
-    if !late.is_empty() && late.iter().all(|k| is_sudden(&with, &now, *k)) {
-        Some((with, now))
-    } else {
-        None
-    }
+    now = with.refitted(now);
+    let set = now.models[0].set.iter().copied();
+    let late: Vec<usize> = set.filter(|k| with.has_late(&[*k])).collect();
+    let sets_in = !late.is_empty() && late.iter().all(|k| is_sudden(&with, &now, *k));
+    sets_in.then_some((with, now))
 }
 
 /// Where an onset went.

@@ -5,6 +5,7 @@ use fdm::mechanism::spec;
 
 use super::answer::{Answer, p_value};
 use super::equation_error::{EquationError, Lift};
+use super::evidence::Kind;
 use super::rival::Target;
 use super::study::{Linear, Study};
 use crate::verdict::{Cause, Evidence, Parameter, Unexplained, UnexplainedKind, Verdict};
@@ -95,15 +96,20 @@ fn late_surfaces(
     }
     let parameter = spec(LATE[0])?.parameters.first()?;
     let nats = 0.5 * (late.value_s / late.se_s).powi(2);
+    let mechanisms = study
+        .candidates
+        .iter()
+        .filter(|c| c.kind == Kind::Mechanism)
+        .count();
     // The prior's width over the estimate's is what one free parameter costs.
     let cost = (parameter.prior_sd / late.se_s).ln().max(0.0);
     Some(Cause {
         mechanisms: LATE.map(str::to_owned).to_vec(),
-        probability: 1.0 - p_value(nats, 1, study.ids.len()),
+        probability: 1.0 - p_value(nats, 1, mechanisms),
         evidence: Evidence {
             delta_log_score: nats,
             delta_log_evidence: nats - cost,
-            p_value: p_value(nats, 1, study.ids.len()),
+            p_value: p_value(nats, 1, mechanisms),
         },
         parameters: vec![Parameter {
             mechanism: LATE[0].to_owned(),

@@ -7,7 +7,7 @@ use multiversion::multiversion;
 
 use super::channel::{CHANNELS, at};
 use super::filter::{Columns, Seen, Taken};
-use super::motion::{FORCE, SPIN, STATES};
+use super::motion::{FORCE, SPIN, STATES, towards};
 use super::rival::Target;
 use super::transition::{Matrix, Transition, plus_product};
 
@@ -44,7 +44,7 @@ impl<'a, 'b> Sensitivity<'a, 'b> {
         };
         Self {
             columns,
-            panels: (0..columns.count().div_ceil(WIDTH)).map(panel).collect(),
+            panels: (0..columns.count.div_ceil(WIDTH)).map(panel).collect(),
             rows: Vec::new(),
         }
     }
@@ -56,27 +56,10 @@ impl<'a, 'b> Sensitivity<'a, 'b> {
 
     /// Sets what the columns change in the readings at a fixed state.
     pub fn look(&mut self, seen: &Seen<'_>) {
-        let here = seen.world.read(&seen.mean, &seen.felt);
-        for (j, aside) in self.columns.worlds.iter().enumerate() {
-            let felt = if aside.moves {
-                seen.felt_in(aside)
-            } else {
-                seen.felt
-            };
-            let there = aside.world.at(seen.i).read(&seen.mean, &felt);
-            let (panel, l) = self.at(j);
-            for c in 0..CHANNELS {
-                panel.read[c * WIDTH + l] = (there[c] - here[c]) / aside.step;
-            }
-        }
-        let met = seen.meets();
-        let first = self.columns.worlds.len();
-        for (k, (target, value)) in self.columns.terms.at(&met).enumerate() {
-            let (panel, l) = self.at(first + k);
-            match target {
-                Target::Push(axis) => panel.read[(at::FORCE + axis) * WIDTH + l] = value,
-                Target::Sensor(c) => panel.read[c * WIDTH + l] = value,
-                Target::Surface(_) | Target::Spin(_) => {}
+        for change in changes(self.columns, seen) {
+            let (panel, l) = self.at(change.column);
+            for (row, value) in panel.read.chunks_exact_mut(WIDTH).zip(change.read) {
+                row[l] = value;
             }
         }
     }
@@ -96,7 +79,7 @@ impl<'a, 'b> Sensitivity<'a, 'b> {
                 WIDTH,
             );
         }
-        let count = self.columns.count();
+        let count = self.columns.count;
         for (row, taken) in self.rows.chunks(width).zip(taken) {
             each(&row[..count], taken);
         }
@@ -105,34 +88,15 @@ impl<'a, 'b> Sensitivity<'a, 'b> {
     /// Moves the derivatives through `step`, with slopes as `seen`.
     pub fn predict(&mut self, seen: &Seen<'_>, step: &Transition) {
         let axes = fdm::dynamics::rotation(&seen.mean.body.attitude);
-        let towards = |f: &[f64; 3]| axes.map(|row| row[0] * f[0] + row[1] * f[1] + row[2] * f[2]);
-        for (j, aside) in self.columns.worlds.iter().enumerate() {
-            if !aside.moves {
-                continue;
-            }
-            let there = seen.felt_in(aside);
-            let change = |n: usize| (there[n] - seen.felt[n]) / aside.step;
-            let push = towards(&std::array::from_fn(|k| change(FORCE + k)));
-            let (panel, l) = self.at(j);
-            for k in 0..3 {
-                panel.slope[k * WIDTH + l] = push[k];
-                panel.slope[(3 + k) * WIDTH + l] = change(SPIN + k);
-            }
-        }
-        let met = seen.meets();
-        let first = self.columns.worlds.len();
-        for (k, (target, value)) in self.columns.terms.at(&met).enumerate() {
-            let (panel, l) = self.at(first + k);
-            match target {
-                Target::Spin(axis) | Target::Surface(axis) => {
-                    panel.slope[(3 + axis) * WIDTH + l] = value;
-                }
-                Target::Push(axis) => {
-                    for r in 0..3 {
-                        panel.slope[r * WIDTH + l] = axes[r][axis] * value;
-                    }
-                }
-                Target::Sensor(_) => {}
+        for change in changes(self.columns, seen) {
+            let (panel, l) = self.at(change.column);
+            let slopes = [towards(&axes, &change.force), change.spin];
+            for (row, value) in panel
+                .slope
+                .chunks_exact_mut(WIDTH)
+                .zip(slopes.as_flattened())
+            {
+                row[l] = *value;
             }
         }
         let keep = rows(&step.keep, 0..STATES);
@@ -145,6 +109,49 @@ impl<'a, 'b> Sensitivity<'a, 'b> {
             }
         }
     }
+}
+
+/// What one column changes at an instant: readings at a fixed state, specific force (body axes) and angular acceleration.
+struct Change {
+    column: usize,
+    read: [f64; CHANNELS],
+    force: [f64; 3],
+    spin: [f64; 3],
+}
+
+fn changes<'s>(columns: &'s Columns<'_>, seen: &'s Seen<'_>) -> impl Iterator<Item = Change> {
+    let here = seen.world.read(&seen.mean, &seen.felt);
+    let of_worlds = columns.worlds.iter().map(move |aside| {
+        let there = seen.within(&aside.world);
+        let read = there.world.read(&seen.mean, &there.felt);
+        let felt = |n: usize| (there.felt[n] - seen.felt[n]) / aside.step;
+        Change {
+            column: aside.column,
+            read: std::array::from_fn(|c| (read[c] - here[c]) / aside.step),
+            force: std::array::from_fn(|k| felt(FORCE + k)),
+            spin: std::array::from_fn(|k| felt(SPIN + k)),
+        }
+    });
+    let met = seen.meets();
+    let terms = columns.terms.at(met).enumerate();
+    let of_terms = terms.map(|(k, (target, value))| {
+        let mut change = Change {
+            column: columns.first_term + k,
+            read: [0.0; CHANNELS],
+            force: [0.0; 3],
+            spin: [0.0; 3],
+        };
+        match target {
+            Target::Spin(axis) | Target::Surface(axis) => change.spin[axis] = value,
+            Target::Push(axis) => {
+                change.force[axis] = value;
+                change.read[at::FORCE + axis] = value;
+            }
+            Target::Sensor(c) => change.read[c] = value,
+        }
+        change
+    });
+    of_worlds.chain(of_terms)
 }
 
 /// The rows of some columns of `m`; a column's place is its number among those chosen.

@@ -3,18 +3,19 @@
 use std::sync::Arc;
 
 use fdm::Aircraft;
+use fdm::dynamics::rotation;
 use fdm::mechanism::CATALOGUE;
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use super::channel::at;
-use super::equation_error::EquationError;
-use super::evidence::{Candidate, Model, Word, beyond_chance, dispersion, search, sum};
-use super::filter::{Aside, Columns, Pass, run, run_with_columns};
+use super::channel::{CHANNELS, at};
+use super::equation_error::{self, EquationError};
+use super::evidence::{Candidate, Kind, Model, Word, beyond_chance, dispersion, sum, with_priors};
+use super::filter::{Aside, Columns, Keep, Pass, run};
 use super::gate::{Gated, Segment};
-use super::motion::World;
+use super::motion::{World, through_air, towards};
 use super::noise::{self, Noise};
 use super::normal::{Block, Normal};
-use super::parameters::{Effect, Parameter, after_onset, all, later, unknown};
+use super::parameters::{Effect, Parameter, all, unknown};
 use super::rival::{Nameless, Terms};
 use crate::GapError;
 use crate::verdict::Measured;
@@ -31,26 +32,21 @@ const ONSET_LOG_PRICE: f64 = -4.6;
 /// Prior standard deviations beyond which a size is not that of a mechanism: three, less what the
 /// tolerance adds.
 const PLAUSIBLE_SD: f64 = 2.9;
+/// A fault is larger than what differs between an aircraft and its file, by this factor: a surface may
+/// come off.
+const FAULT_FACTOR: f64 = 3.0;
 /// Blocks that a flight is cut into at least; they are not shorter than [`BLOCK_S`].
 const BLOCKS: f64 = 40.0;
 /// Shortest block, s.
 const BLOCK_S: f64 = 5.0;
-/// Times the variance of an acceleration that the published moment may leave and still be near.
-const FAR_OFF: f64 = 1.5;
 /// Most linearisations on one way.
 const ROUNDS: usize = 3;
 /// Most ways gone.
 const RIVALS: usize = 3;
 /// Part of its gain by which a rival may seem worse than the best and still be looked at.
 const RIVAL_PART: f64 = 0.5;
-
 /// Parts of a step that are tried, and what one may lose, nats: chance does as much.
-const STEP_TRIES: usize = 3;
-const STEP_NATS: f64 = 1.0;
-/// The same of a step with all coefficients free, thirty at a time: with the gains held the score that is nil at its
-/// end is not the slope of what is scored, and one nat for each may be lost; beyond, the filter has lost the flight.
-const TRIES_WITHOUT_SETS: usize = 4;
-const LOST_NATS: f64 = 30.0;
+pub const STEP: (i32, f64) = (3, 1.0);
 
 /// Most steps of a fit of the noise from nothing, from what it was nearby, and from what a share of
 /// the data told.
@@ -58,15 +54,9 @@ const NOISE_STEPS: [usize; 3] = [12, 4, 2];
 /// Most stretches that the search looks at, and samples of each: at 50 Hz a minute and a half, by
 /// which effects that are worth a name show many times over, in pieces long against the gusts.
 const SEARCH_STRETCHES: [usize; 2] = [5, 900];
-/// The same of what tells whether to look closer.
-const PROBE_STRETCHES: [usize; 2] = [10, 200];
 
 /// Gain of a step, nats, after which the base has settled.
 const SETTLED_NATS: f64 = 5.0;
-/// Most rounds of quieter noise over all disturbances.
-const QUIETER_SWEEPS: usize = 3;
-/// Gain of a round, nats, below which there is no other.
-const QUIETER_NATS: f64 = 3.0;
 
 /// When something set in.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -77,7 +67,8 @@ pub struct Onset {
     pub at_s: f64,
 }
 
-/// The data and all that may be asked of them.
+/// The data and all that may be asked of them. Columns are those of the parameters, of nameless terms, and of what
+/// the mechanisms' parameters, which come first, change by at the onset.
 #[derive(Clone)]
 pub struct Study<'a> {
     /// The aircraft of the file.
@@ -88,10 +79,8 @@ pub struct Study<'a> {
     pub parameters: Vec<Parameter>,
     /// Nameless terms.
     pub terms: Arc<Terms>,
-    /// Mechanisms, then nameless terms.
+    /// Mechanisms, nameless terms, and mechanisms that begin at the onset.
     pub candidates: Vec<Candidate>,
-    /// Id of each mechanism among the candidates; those from the beginning, then those from the onset on.
-    pub ids: Vec<&'static str>,
     /// When those that begin in flight do.
     pub onset: Option<Onset>,
     /// The same with what it may be off by, once the data have told it.
@@ -122,23 +111,19 @@ pub struct Linear {
     pub log_posterior: f64,
 }
 
+impl Linear {
+    /// The same with the prior of the noise, for views with different ones.
+    pub fn with_noise_prior(&self) -> f64 {
+        self.log_posterior + self.noise.log_prior()
+    }
+}
+
 impl<'a> Study<'a> {
     /// Prepares the question.
     pub fn new(aircraft: &'a Aircraft, gated: &'a Gated, logs: usize) -> Self {
         let parameters = all(aircraft, gated, logs);
-        let terms = Arc::new(Terms::of(aircraft, gated));
-        let mut study = Self {
-            aircraft,
-            gated,
-            parameters,
-            terms,
-            candidates: Vec::new(),
-            ids: Vec::new(),
-            onset: None,
-            onset_s: None,
-            stand_for: 1.0,
-        };
-        study.ask();
+        let mut study = Self::of(aircraft, gated, parameters, Terms::of(aircraft, gated));
+        study.candidates = study.candidates();
         study
     }
 
@@ -146,35 +131,32 @@ impl<'a> Study<'a> {
     pub fn of_unknown(aircraft: &'a Aircraft, gated: &'a Gated, logs: usize) -> Self {
         let mut terms = Terms::of(aircraft, gated);
         terms.groups.clear();
+        Self::of(aircraft, gated, unknown(aircraft, gated, logs), terms)
+    }
+
+    fn of(
+        aircraft: &'a Aircraft,
+        gated: &'a Gated,
+        parameters: Vec<Parameter>,
+        terms: Terms,
+    ) -> Self {
         Self {
             aircraft,
             gated,
-            parameters: unknown(aircraft, gated, logs),
+            parameters,
             terms: Arc::new(terms),
             candidates: Vec::new(),
-            ids: Vec::new(),
             onset: None,
             onset_s: None,
             stand_for: 1.0,
         }
     }
 
-    /// The data seen from the best of `starts`, each with the noise that it has.
-    pub fn seen_from_start(&self, starts: &[Vec<f64>]) -> Linear {
-        let mut best: Option<(f64, &Vec<f64>, Noise)> = None;
-        for theta in starts {
-            let noise = self.noise(theta, Noise::usual(), NOISE_STEPS[0]);
-            let score = self.log_score(theta, &noise);
-            let better = best.as_ref().is_none_or(|(known, ..)| score > *known);
-            if better {
-                best = Some((score, theta, noise));
-            }
-        }
-        let (theta, noise) = best.map_or_else(
-            || (self.start(), Noise::usual()),
-            |(_, theta, noise)| (theta.clone(), noise),
-        );
-        self.linearise(theta, noise)
+    /// The data seen from the file's aircraft, with the noise that they have there.
+    pub fn seen_from_start(&self) -> Linear {
+        let start = self.start();
+        let noise = self.noise(&start, Noise::usual(), NOISE_STEPS[0]);
+        self.linearise(start, noise)
     }
 
     /// The data seen from `theta`, with the noise that they have there, near `noise`.
@@ -183,54 +165,70 @@ impl<'a> Study<'a> {
         self.linearise(theta, noise)
     }
 
-    /// The data seen from where those of `from` lead, whose score is then nil; half the way, and so on, where the filter
-    /// loses the flight on it.
-    pub fn on_towards(&self, from: &Linear) -> Linear {
-        let (theta, _) = self.part_of_way(from, &[], TRIES_WITHOUT_SETS, LOST_NATS);
-        self.seen_with_own_noise(theta, from.noise.clone())
-    }
-
-    /// Lists what may be at work, from what the parameters are.
-    fn ask(&mut self) {
-        (self.ids, self.candidates) = (Vec::new(), Vec::new());
-        for late in [false, true] {
-            for (m, spec) in CATALOGUE.iter().enumerate() {
-                let of = |p: &Parameter| match p.effect {
-                    Effect::Mechanism(k, _) => k == m && !late,
-                    Effect::Later(_, k, _) => k == m && late,
-                    _ => false,
-                };
-                let columns: Vec<usize> = (0..self.parameters.len())
-                    .filter(|&j| of(&self.parameters[j]))
-                    .collect();
-                if columns.is_empty() {
-                    continue;
-                }
-                let late_price = LATE_LOG_PRIOR + ONSET_LOG_PRICE;
-                self.ids.push(spec.id);
-                self.candidates.push(Candidate {
-                    prior_sd: columns
-                        .iter()
-                        .filter_map(|&j| self.parameters[j].prior_sd)
-                        .collect(),
-                    columns,
-                    one_sided: spec.parameters[0].low >= spec.parameters[0].neutral,
-                    plausible_sd: PLAUSIBLE_SD,
-                    log_prior: MECHANISM_LOG_PRIOR + if late { late_price } else { 0.0 },
-                });
-            }
-        }
-        let mut at_column = self.parameters.len();
-        for group in &self.terms.groups {
-            self.candidates.push(Candidate {
-                columns: (at_column..at_column + group.columns).collect(),
+    /// What may be at work, from what the parameters are.
+    fn candidates(&self) -> Vec<Candidate> {
+        let mechanisms = CATALOGUE.iter().enumerate().filter_map(|(m, spec)| {
+            let is_of =
+                |j: &usize| matches!(self.parameters[*j].effect, Effect::Mechanism(k, _) if k == m);
+            let columns: Vec<usize> = (0..self.parameters.len()).filter(is_of).collect();
+            (!columns.is_empty()).then(|| Candidate {
+                name: spec.id.to_owned(),
+                kind: Kind::Mechanism,
+                prior_sd: columns
+                    .iter()
+                    .filter_map(|&j| self.parameters[j].prior_sd)
+                    .collect(),
+                columns,
+                one_sided: spec.parameters[0].low >= spec.parameters[0].neutral,
+                plausible_sd: PLAUSIBLE_SD,
+                log_prior: MECHANISM_LOG_PRIOR,
+            })
+        });
+        let mechanisms: Vec<Candidate> = mechanisms.collect();
+        let mut at = self.parameters.len();
+        let nameless = self.terms.groups.iter().enumerate().map(|(k, group)| {
+            at += group.columns;
+            Candidate {
+                name: group.words(),
+                kind: Kind::Nameless(k),
+                columns: (at - group.columns..at).collect(),
                 prior_sd: vec![1.0; group.columns],
                 one_sided: false,
                 plausible_sd: f64::INFINITY,
                 log_prior: RIVAL_LOG_PRIOR,
+            }
+        });
+        let nameless: Vec<Candidate> = nameless.collect();
+        let late = mechanisms
+            .iter()
+            .filter(|_| self.onset.is_some())
+            .map(|c| Candidate {
+                kind: Kind::Late,
+                columns: c.columns.iter().map(|j| self.first_late() + j).collect(),
+                prior_sd: c.prior_sd.iter().map(|sd| FAULT_FACTOR * sd).collect(),
+                log_prior: MECHANISM_LOG_PRIOR + LATE_LOG_PRIOR + ONSET_LOG_PRICE,
+                ..c.clone()
             });
-            at_column += group.columns;
-        }
+        let late: Vec<Candidate> = late.collect();
+        [mechanisms, nameless, late].concat()
+    }
+
+    /// The first column of what changes at the onset.
+    pub fn first_late(&self) -> usize {
+        self.parameters.len() + self.terms.count()
+    }
+
+    /// Number of parameters of mechanisms.
+    pub fn of_mechanisms(&self) -> usize {
+        self.parameters
+            .iter()
+            .filter(|p| p.prior_sd.is_some())
+            .count()
+    }
+
+    /// Number of columns.
+    pub fn width(&self) -> usize {
+        self.first_late() + self.onset.map_or(0, |_| self.of_mechanisms())
     }
 
     /// The same question with mechanisms that begin at `onset` besides, in place of those of another
@@ -239,8 +237,7 @@ impl<'a> Study<'a> {
         let mut with = self.clone();
         with.onset = Some(onset);
         if self.onset.is_none() {
-            with.parameters.extend(later(&self.parameters));
-            with.ask();
+            with.candidates = with.candidates();
         }
         with
     }
@@ -249,81 +246,28 @@ impl<'a> Study<'a> {
     /// known to be in.
     pub fn pay(&mut self, onset_s: Measured, log_price: f64) {
         self.onset_s = Some(onset_s);
-        for k in self.late() {
-            self.candidates[k].log_prior = MECHANISM_LOG_PRIOR + LATE_LOG_PRIOR + log_price;
+        for late in self.candidates.iter_mut().filter(|c| c.kind == Kind::Late) {
+            late.log_prior = MECHANISM_LOG_PRIOR + LATE_LOG_PRIOR + log_price;
         }
-    }
-
-    /// The mechanisms that begin at the onset, among the candidates.
-    pub fn late(&self) -> std::ops::Range<usize> {
-        let is_late = |k: &usize| {
-            let first = self.candidates[*k].columns[0];
-            self.parameters[first].effect.later_than().is_some()
-        };
-        let from = (0..self.ids.len()).find(is_late);
-        from.unwrap_or(self.ids.len())..self.ids.len()
     }
 
     /// Whether something of `set` begins at the onset.
     pub fn has_late(&self, set: &[usize]) -> bool {
-        let late = self.late();
-        set.iter().any(|k| late.contains(k))
-    }
-
-    /// Departures of the question without an onset as those of this one, where nothing sets in.
-    pub fn extended(&self, theta: &[f64]) -> Vec<f64> {
-        let more = self.width() - theta.len();
-        let known = self.parameters.len() - more;
-        let mut out = theta[..known].to_vec();
-        out.resize(known + more, 0.0);
-        out.extend_from_slice(&theta[known..]);
-        out
-    }
-
-    /// Candidates of the question without an onset as those of this one.
-    pub fn mapped(&self, set: &[usize]) -> Vec<usize> {
-        let late = self.late();
-        let of = |k: &usize| if *k < late.start { *k } else { k + late.len() };
-        set.iter().map(of).collect()
+        set.iter().any(|k| self.candidates[*k].kind == Kind::Late)
     }
 
     /// First and last time of a log at which something may set in with `side_s` flown before and after, s.
     pub fn onsets_s(&self, log: usize, side_s: f64) -> [f64; 2] {
         let of_log = self.gated.segments.iter().filter(|s| s.log == log);
-        let [from_s, to_s] = of_log.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], s| {
-            [a.min(s.time_s[0]), b.max(s.time_s[s.len() - 1])]
-        });
-        let from_s = from_s + side_s;
-        [from_s, (to_s - side_s).max(from_s)]
+        let times = || of_log.clone().flat_map(|s| s.time_s.iter().copied());
+        let from_s = times().fold(f64::INFINITY, f64::min) + side_s;
+        let to_s = times().fold(f64::NEG_INFINITY, f64::max) - side_s;
+        [from_s, to_s.max(from_s)]
     }
 
     /// How long was flown, s.
     pub fn flown_s(&self) -> f64 {
-        let segments = self.gated.segments.iter();
-        segments.map(|s| s.time_s[s.len() - 1] - s.time_s[0]).sum()
-    }
-
-    /// At most so many stretches of so many samples of the data.
-    fn thinned(&self, [most, samples]: [usize; 2]) -> Gated {
-        Gated {
-            segments: noise::stretches(&self.gated.segments, most, samples),
-            ..self.gated.clone()
-        }
-    }
-
-    /// The same question put to the share `thin` of the data, which is taken to say what all would.
-    fn of_share<'b>(&'b self, thin: &'b Gated) -> Study<'b> {
-        let count = |gated: &Gated| gated.segments.iter().map(Segment::len).sum::<usize>() as f64;
-        Study {
-            gated: thin,
-            stand_for: count(self.gated) / count(thin),
-            ..self.clone()
-        }
-    }
-
-    /// Whether a candidate has a name.
-    pub fn is_named(&self, candidate: usize) -> bool {
-        candidate < self.ids.len()
+        self.gated.segments.iter().map(Segment::duration_s).sum()
     }
 
     /// The world of `segment` at `theta`.
@@ -334,98 +278,113 @@ impl<'a> Study<'a> {
     /// The same; `like` lends its surfaces.
     fn world_like(&self, segment: &Segment, theta: &[f64], like: Option<&World>) -> World {
         let flown = |theta: &[f64], like| {
-            let nameless = Nameless::new(&self.terms, &theta[self.parameters.len()..]);
-            World::new(self.aircraft, &self.parameters, theta, segment, like).with(nameless)
+            let terms = &theta[self.parameters.len()..self.first_late()];
+            let nameless = Nameless::new(&self.terms, terms);
+            World::new(
+                self.aircraft,
+                &self.parameters,
+                theta,
+                nameless,
+                segment,
+                like,
+            )
         };
         let early = flown(theta, like);
-        let is_late = |p: &Parameter| p.effect.later_than().is_some();
-        let mut sets_in = self
-            .parameters
-            .iter()
-            .zip(theta)
-            .filter(|(p, v)| is_late(p) && **v != 0.0);
-        let Some(onset) = self.onset.filter(|o| o.log == segment.log) else {
+        let late = &theta[self.first_late()..];
+        let sets_in = |p: &Parameter, v: f64| v != 0.0 && p.servo;
+        let is_late = |o: &Onset| o.log == segment.log && late.iter().any(|v| *v != 0.0);
+        let Some(onset) = self.onset.filter(is_late) else {
             return early;
         };
         let from = segment.time_s.partition_point(|t| *t < onset.at_s);
-        if from >= segment.len() || sets_in.clone().next().is_none() {
+        if from >= segment.len() {
             return early;
         }
         // Surfaces move as before unless what moves them sets in.
-        let like = if sets_in.any(|(p, _)| p.servo) {
+        let like = if self
+            .parameters
+            .iter()
+            .zip(late)
+            .any(|(p, v)| sets_in(p, *v))
+        {
             like.map(World::last)
         } else {
             Some(&early)
         };
-        let late = flown(&after_onset(&self.parameters, theta), like);
-        early.until(from, late)
-    }
-
-    /// Number of columns: parameters and nameless terms.
-    pub fn width(&self) -> usize {
-        self.parameters.len() + self.terms.count()
+        let mut after = theta.to_vec();
+        for (value, late) in after.iter_mut().zip(late) {
+            *value += late;
+        }
+        let later = flown(&after, like);
+        early.until(from, later)
     }
 
     /// The base at zero, but for the winds, which the data tell.
     pub fn start(&self) -> Vec<f64> {
         let mut theta = vec![0.0; self.width()];
-        if self.gated.has_wind {
-            return theta;
-        }
         for (value, parameter) in theta.iter_mut().zip(&self.parameters) {
-            if let Effect::Wind(log, axis) = parameter.effect {
+            if let Effect::Wind(log, axis) = parameter.effect
+                && !self.gated.has_wind
+            {
                 *value = mean_wind(&self.gated.segments, log)[axis];
             }
         }
         theta
     }
 
-    /// Fits the noise at `theta`.
-    pub fn noise(&self, theta: &[f64], from: Noise, steps: usize) -> Noise {
-        noise::fit(&self.flown(theta), from, steps)
+    /// What accelerations say without a filter, where rows are close enough to tell it.
+    pub fn equation_error(&self) -> EquationError {
+        let start = self.start();
+        let all = &self.gated.segments;
+        let segments = if self.gated.tells_delays {
+            &all[..]
+        } else {
+            &[]
+        };
+        let worlds: Vec<World> = segments.iter().map(|s| self.world(s, &start)).collect();
+        equation_error::analyse(segments, &worlds, self.aircraft)
     }
 
-    /// All data, flown at `theta`.
-    fn flown(&self, theta: &[f64]) -> Vec<(Segment, World)> {
-        let flown = |s: &Segment| (s.clone(), self.world(s, theta));
-        self.gated.segments.iter().map(flown).collect()
+    /// Fits the noise at `theta`.
+    pub fn noise(&self, theta: &[f64], from: Noise, steps: usize) -> Noise {
+        let flown = |s: &'a Segment| (s, self.world(s, theta));
+        let flown: Vec<_> = self.gated.segments.iter().map(flown).collect();
+        noise::fit(&flown, from, steps)
     }
 
     /// Passes over all segments at `theta`, with what was predicted.
     pub fn passes(&self, theta: &[f64], noise: &Noise) -> Vec<Pass> {
         let segments = self.gated.segments.iter();
-        segments
-            .map(|s| run(s, &self.world(s, theta), noise, true))
-            .collect()
+        let pass = |s| run(s, &self.world(s, theta), noise, Keep::States, None);
+        segments.map(pass).collect()
     }
 
     /// Log score of all data at `theta`.
     pub fn log_score(&self, theta: &[f64], noise: &Noise) -> f64 {
         let segments = self.gated.segments.iter();
-        segments
-            .map(|s| run(s, &self.world(s, theta), noise, false).log_score)
-            .sum::<f64>()
-            * self.stand_for
+        let score = |s| run(s, &self.world(s, theta), noise, Keep::Nothing, None).log_score;
+        segments.map(score).sum::<f64>() * self.stand_for
     }
 
     fn columns<'b>(&'b self, segment: &Segment, theta: &[f64], base: &World) -> Columns<'b> {
-        let aside = |(j, parameter): &(usize, &Parameter)| {
+        let late = (self.first_late()..self.width()).zip(&self.parameters);
+        let each: Vec<(usize, &Parameter)> =
+            self.parameters.iter().enumerate().chain(late).collect();
+        let aside = |(column, parameter): &(usize, &Parameter)| {
             let mut aside = theta.to_vec();
-            aside[*j] += parameter.step;
+            aside[*column] += parameter.step;
             let like = (!parameter.servo).then_some(base);
-            let world = self.world_like(segment, &aside, like);
             Aside {
-                same_air: world.shares_air_with(base),
-                world,
+                column: *column,
+                world: self.world_like(segment, &aside, like),
                 step: parameter.step,
-                moves: parameter.moves,
             }
         };
-        let parameters: Vec<(usize, &Parameter)> = self.parameters.iter().enumerate().collect();
-        let worlds = infer::parallel_map(&parameters, aside);
         Columns {
-            worlds,
+            count: self.width(),
+            worlds: infer::parallel_map(&each, aside),
             terms: &self.terms,
+            first_term: self.parameters.len(),
         }
     }
 
@@ -436,7 +395,8 @@ impl<'a> Study<'a> {
         for segment in &self.gated.segments {
             let world = self.world(segment, theta);
             let columns = self.columns(segment, theta, &world);
-            log_score += run_with_columns(segment, &world, noise, &columns, &mut normal).log_score;
+            let with = Some((&columns, &mut normal));
+            log_score += run(segment, &world, noise, Keep::Nothing, with).log_score;
         }
         let mut blocks = normal.finish();
         let here = DVector::from_column_slice(theta);
@@ -452,12 +412,13 @@ impl<'a> Study<'a> {
     /// The data seen from `theta` with `noise`.
     pub fn linearise(&self, theta: Vec<f64>, noise: Noise) -> Linear {
         let block_s = (self.flown_s() / BLOCKS).max(BLOCK_S);
-        let (mut blocks, mut log_score) = self.blocks(&theta, &noise, block_s);
-        log_score *= self.stand_for;
+        let (mut blocks, log_score) = self.blocks(&theta, &noise, block_s);
+        let log_score = log_score * self.stand_for;
         let here = DVector::from_column_slice(&theta);
-        let (a, b) = sum(&blocks, None);
-        let fitted = self.solve(&a, &b, &[]);
-        let dispersion = dispersion(&blocks, &fitted, self.parameters.len());
+        let (a, b) = sum(&blocks);
+        let fitted = self.posterior(&a, &b, &[]).0;
+        let own = (0..self.parameters.len()).chain(self.first_late()..self.width());
+        let dispersion = dispersion(&blocks, &fitted, own);
         for block in &mut blocks {
             block.a *= self.stand_for;
             block.b *= self.stand_for;
@@ -465,9 +426,8 @@ impl<'a> Study<'a> {
         }
         let (a, b) = (a * self.stand_for, b * self.stand_for);
         let spread = beyond_chance(dispersion, blocks.len());
-        let tolerance = self.tolerances();
-        let word = Word::new(&a, &b, &tolerance, spread);
-        let models = search(&word, &self.candidates);
+        let word = Word::new(&a, &b, &self.tolerances(), spread);
+        let models = word.search(&self.candidates);
         // From the score here to that seen at zero, from where evidence counts.
         let way = (here.dot(&b) - 0.5 * here.dot(&(&a * &here))) / spread;
         let log_posterior = log_score - way + word.base_log_evidence + models[0].log_posterior;
@@ -488,76 +448,52 @@ impl<'a> Study<'a> {
         self.parameters.iter().map(|p| p.tolerance).collect()
     }
 
-    /// Prior variances of all columns when `set` is at work; nil for nameless terms that are not.
-    pub fn prior_variances(&self, set: &[usize]) -> Vec<f64> {
-        let mut variances: Vec<f64> = self
-            .parameters
-            .iter()
-            .map(|p| p.tolerance.powi(2))
-            .collect();
-        variances.resize(self.width(), 0.0);
-        for &k in set {
-            let candidate = &self.candidates[k];
-            for (&j, sd) in candidate.columns.iter().zip(&candidate.prior_sd) {
-                variances[j] += sd * sd;
-            }
-        }
-        variances
-    }
-
-    /// The most probable values of all columns when `set` is at work (nil for nameless terms that
-    /// are not).
-    pub fn solve(&self, a: &DMatrix<f64>, b: &DVector<f64>, set: &[usize]) -> DVector<f64> {
-        self.posterior(a, b, set).0
-    }
-
-    /// The same with the covariance of the columns at work (others nil).
+    /// The most probable values of all columns when `set` is at work, and their covariance; nil for
+    /// nameless terms and onsets that are not.
     pub fn posterior(
         &self,
         a: &DMatrix<f64>,
         b: &DVector<f64>,
         set: &[usize],
     ) -> (DVector<f64>, DMatrix<f64>) {
-        let variances = self.prior_variances(set);
-        let free: Vec<usize> = (0..variances.len())
-            .filter(|&j| variances[j] > 0.0)
-            .collect();
-        let n = free.len();
-        let mut m = DMatrix::from_fn(n, n, |i, j| a[(free[i], free[j])]);
-        for (k, &j) in free.iter().enumerate() {
-            m[(k, k)] += 1.0 / variances[j];
+        let n = self.width();
+        let mut sds = self.tolerances();
+        sds.resize(n, 0.0);
+        for candidate in set.iter().map(|&k| &self.candidates[k]) {
+            for (&j, sd) in candidate.columns.iter().zip(&candidate.prior_sd) {
+                sds[j] = f64::hypot(sds[j], *sd);
+            }
         }
-        let t = DVector::from_fn(n, |i, _| b[free[i]]);
-        let mut values = DVector::zeros(variances.len());
-        let mut covariance = DMatrix::zeros(variances.len(), variances.len());
-        if let Some(m) = Cholesky::new(m) {
-            let x = m.solve(&t);
-            let inverse = m.inverse();
+        let free: Vec<usize> = (0..n).filter(|&j| sds[j] > 0.0).collect();
+        let own: Vec<f64> = free.iter().map(|&j| sds[j]).collect();
+        let precision = with_priors(a.select_rows(&free).select_columns(&free), &own);
+        let mut covariance = DMatrix::zeros(n, n);
+        if let Some(inverse) = Cholesky::new(precision).map(|c| c.inverse()) {
             for (i, &j) in free.iter().enumerate() {
-                values[j] = x[i];
                 for (k, &l) in free.iter().enumerate() {
                     covariance[(j, l)] = inverse[(i, k)];
                 }
             }
         }
-        (values, covariance)
+        (&covariance * b, covariance)
     }
 
     /// The best point of `set` as seen from `linear`, inside the catalogue's ranges.
     pub fn theta_of(&self, linear: &Linear, set: &[usize]) -> Vec<f64> {
-        let (a, b) = sum(&linear.blocks, None);
-        let mut values = self.solve(&a, &b, set);
+        let (a, b) = sum(&linear.blocks);
+        let mut values = self.posterior(&a, &b, set).0;
         for (j, p) in self.parameters.iter().enumerate() {
-            let (m, k, before) = match p.effect {
-                Effect::Mechanism(m, k) => (m, k, 0.0),
-                Effect::Later(place, m, k) => (m, k, values[place]),
-                _ => continue,
-            };
-            let spec = &CATALOGUE[m].parameters[k];
-            let [low, high] = [spec.low, spec.high].map(|end| end - spec.neutral - before);
-            values[j] = values[j].clamp(low, high);
+            if let Effect::Mechanism(m, k) = p.effect {
+                let spec = &CATALOGUE[m].parameters[k];
+                let [low, high] = [spec.low, spec.high].map(|end| end - spec.neutral);
+                values[j] = values[j].clamp(low, high);
+                let before = values[j];
+                if let Some(late) = values.get_mut(self.first_late() + j) {
+                    *late = late.clamp(low - before, high - before);
+                }
+            }
         }
-        values.iter().copied().collect()
+        values.as_slice().to_vec()
     }
 
     /// Looks at the base first, then goes where the best model leads and looks again, until it
@@ -566,14 +502,34 @@ impl<'a> Study<'a> {
     ///
     /// # Errors
     /// [`GapError::Data`] when the filter leaves the finite numbers at the base.
-    pub fn look(
-        &self,
-        equation_error: &EquationError,
-        progress: &mut dyn FnMut(f64),
-    ) -> Result<(Linear, Linear), GapError> {
-        let thin = self.thinned(SEARCH_STRETCHES);
-        let share = self.of_share(&thin);
-        let (first, last) = share.search(equation_error, &mut |part| progress(0.75 * part))?;
+    pub fn look(&self, progress: &mut dyn FnMut(f64)) -> Result<(Linear, Linear), GapError> {
+        let thin = self.gated.thinned(SEARCH_STRETCHES);
+        let share = Study {
+            gated: &thin,
+            stand_for: self.gated.rows() as f64 / thin.rows() as f64,
+            ..self.clone()
+        };
+        let start = share.seen_from_start();
+        progress(0.25);
+        let first = share.settled(start);
+        if !first.log_score.is_finite() {
+            return Err(GapError::Data {
+                what: "flight".into(),
+                problem: "the flight model cannot follow the measured motion".into(),
+                expected: "the aircraft of the file in normal flight".into(),
+            });
+        }
+        progress(0.33);
+        let ways = infer::parallel_map(&rivals(&first), |set| share.descend(&first, set));
+        let best = ways.into_iter().reduce(|best, way| {
+            if way.log_posterior > best.log_posterior {
+                way
+            } else {
+                best
+            }
+        });
+        let last = share.refitted(best.unwrap_or_else(|| first.clone()));
+        progress(0.75);
         if share.stand_for <= 1.0 {
             return Ok((first, last));
         }
@@ -582,48 +538,10 @@ impl<'a> Study<'a> {
         Ok((first, self.linearise(last.theta, noise)))
     }
 
-    fn search(
-        &self,
-        equation_error: &EquationError,
-        progress: &mut dyn FnMut(f64),
-    ) -> Result<(Linear, Linear), GapError> {
-        let mut theta = self.start();
-        let mut noise = self.noise(&theta, Noise::usual(), NOISE_STEPS[0]);
-        progress(0.2);
-        if let Some(far) = self.far_start(&theta, equation_error) {
-            let other = self.noise(&far, noise.clone(), NOISE_STEPS[1]);
-            if self.log_score(&far, &other) > self.log_score(&theta, &noise) {
-                (theta, noise) = (far, other);
-            }
-        }
-        progress(0.3);
-        let first = self.quieter(self.settled(self.linearise(theta, noise)));
-        if !first.log_score.is_finite() {
-            return Err(GapError::Data {
-                what: "flight".into(),
-                problem: "the flight model cannot follow the measured motion".into(),
-                expected: "the aircraft of the file in normal flight".into(),
-            });
-        }
-        progress(0.4);
-        let mut last = first.clone();
-        let descents = infer::parallel_map(&rivals(&first), |set| self.descend(&first, set));
-        for (k, next) in descents.into_iter().enumerate() {
-            if let Some(next) = next
-                && (k == 0 || next.log_posterior > last.log_posterior)
-            {
-                last = next;
-            }
-            progress(0.4 + 0.15 * (k + 1) as f64);
-        }
-        Ok((first, self.quieter(self.refitted(last))))
-    }
-
     /// The base where it fits best, with the noise that it has there.
-    pub fn settled(&self, from: Linear) -> Linear {
-        let mut base = from;
+    pub fn settled(&self, mut base: Linear) -> Linear {
         for _ in 0..ROUNDS {
-            let theta = self.step_towards(&base, &[]);
+            let theta = self.step_towards(&base, &[], STEP);
             let next = self.seen_with_own_noise(theta, base.noise.clone());
             let gained = next.log_posterior - base.log_posterior;
             if gained > 0.0 {
@@ -636,55 +554,22 @@ impl<'a> Study<'a> {
         base
     }
 
-    /// The view `from` with less disturbance of forces and moments, as far as causes then tell the
-    /// data better: a noise that is fitted to the base alone grows until it hides what the base
-    /// lacks. What promises that on a share of the data is tried on all.
-    pub fn quieter(&self, from: Linear) -> Linear {
-        let thin = self.thinned(PROBE_STRETCHES);
-        let probe = self.of_share(&thin);
-        let flown = probe.flown(&from.theta);
-        let whole = |v: &Linear| v.log_posterior + v.noise.log_prior();
-        let mut best = from;
-        let mut probed = whole(&probe.linearise(best.theta.clone(), best.noise.clone()));
-        for _ in 0..QUIETER_SWEEPS {
-            let before = best.log_posterior;
-            for axis in 0..noise::AXES {
-                let noise = noise::settled(&flown, &best.noise.quieter(axis, noise::QUIETER));
-                let promised = whole(&probe.linearise(best.theta.clone(), noise.clone()));
-                if promised <= probed {
-                    continue;
-                }
-                let view = self.linearise(best.theta.clone(), noise);
-                if whole(&view) > whole(&best) {
-                    (best, probed) = (view, promised);
-                }
-            }
-            if best.log_posterior < before + QUIETER_NATS {
-                break;
-            }
-        }
-        best
-    }
-
-    /// Goes where `set` leads from `from` and looks again, until what is best there stays; none
-    /// where it leads nowhere.
-    fn descend(&self, from: &Linear, set: &[usize]) -> Option<Linear> {
-        let mut best = set.to_vec();
-        let mut last: Option<Linear> = None;
+    /// Goes where `set` leads from `from` and looks again, until what is best there stays.
+    fn descend(&self, from: &Linear, set: &[usize]) -> Linear {
+        let (mut best, mut now) = (set.to_vec(), from.clone());
         for _ in 0..ROUNDS {
-            let now = last.as_ref().unwrap_or(from);
-            let next = self.linearise(self.step_towards(now, &best), now.noise.clone());
-            if !next.log_score.is_finite() {
-                break;
-            }
+            let theta = self.step_towards(&now, &best, STEP);
+            let next = self.linearise(theta, now.noise.clone());
             let stays = next.models[0].set == best;
-            best.clone_from(&next.models[0].set);
-            last = Some(next);
+            if next.log_score.is_finite() {
+                best.clone_from(&next.models[0].set);
+                now = next;
+            }
             if stays {
                 break;
             }
         }
-        last
+        now
     }
 
     /// The same point with the noise fitted there, where that is better.
@@ -697,67 +582,21 @@ impl<'a> Study<'a> {
         }
     }
 
-    /// Where the published moments are far off, the point to which equation error leads: steps
-    /// from the published model alone would end in a valley where disturbances explain all.
-    fn far_start(&self, near: &[f64], told: &EquationError) -> Option<Vec<f64>> {
-        let off = told
-            .moments
-            .iter()
-            .any(|m| m.published_leaves * (1.0 - m.published_constant_part) > FAR_OFF * m.variance);
-        if !off {
-            return None;
-        }
-        let mut theta = near.to_vec();
-        let ratio = |axis: &str, name: &str| {
-            let m = told.moments.iter().find(|m| m.axis == axis)?;
-            let k = m.derivatives.iter().position(|d| *d == name)?;
-            Some(m.refitted[k] / m.published[k] - 1.0)
-        };
-        for (value, parameter) in theta.iter_mut().zip(&self.parameters) {
-            let start = match parameter.name.as_str() {
-                "actuator-delay.delay_s" => told.late().map(|late| late.value_s.max(0.0)),
-                "control-effectiveness.aileron_factor" => ratio("roll", "aileron"),
-                "control-effectiveness.elevator_factor" => ratio("pitch", "elevator"),
-                "control-effectiveness.rudder_factor" => ratio("yaw", "rudder"),
-                "roll-damping.factor" => ratio("roll", "p"),
-                "pitch-damping.factor" => ratio("pitch", "q"),
-                _ => None,
-            };
-            if let Some(start) = start {
-                *value = start.clamp(-0.9, 1.0);
-            }
-        }
-        Some(theta)
-    }
-
-    /// As far towards the best point of `set` as the log score grows.
-    pub fn step_towards(&self, now: &Linear, set: &[usize]) -> Vec<f64> {
-        let (theta, kept) = self.part_of_way(now, set, STEP_TRIES, STEP_NATS);
-        if kept { theta } else { now.theta.clone() }
-    }
-
-    /// The way, half of it and so on, to the best point of `set`: the first of so many that loses less than `loss` nats,
-    /// else the last; and whether it does.
-    fn part_of_way(
-        &self,
-        now: &Linear,
-        set: &[usize],
-        tries: usize,
-        loss: f64,
-    ) -> (Vec<f64>, bool) {
+    /// The way, half of it and so on, to the best point of `set`: the first of so many parts that loses less than so many
+    /// nats; the point itself where none does.
+    pub fn step_towards(&self, now: &Linear, set: &[usize], (tries, loss): (i32, f64)) -> Vec<f64> {
         let target = self.theta_of(now, set);
-        let mut theta = now.theta.clone();
-        let mut part = 1.0;
-        for _ in 0..tries {
+        let on_the_way = |k: i32| {
             let way = now.theta.iter().zip(&target);
-            theta = way.map(|(from, to)| from + part * (to - from)).collect();
-            let score = self.log_score(&theta, &now.noise);
-            if score.is_finite() && score > now.log_score - loss {
-                return (theta, true);
-            }
-            part *= 0.5;
-        }
-        (theta, false)
+            way.map(|(from, to)| from + 0.5_f64.powi(k) * (to - from))
+                .collect()
+        };
+        let scores = |theta: &Vec<f64>| {
+            let score = self.log_score(theta, &now.noise);
+            score.is_finite() && score > now.log_score - loss
+        };
+        let kept = (0..tries).map(on_the_way).find(scores);
+        kept.unwrap_or_else(|| now.theta.clone())
     }
 }
 
@@ -765,64 +604,33 @@ impl<'a> Study<'a> {
 /// so large that this view may bend, its best rivals.
 fn rivals(first: &Linear) -> Vec<Vec<usize>> {
     let best = &first.models[0];
-    let near = best.log_posterior - RIVAL_PART * best.fit.log_score;
-    first
-        .models
-        .iter()
-        .filter(|m| !m.set.is_empty() && m.set.len() <= best.set.len())
-        .take_while(|m| m.log_posterior >= near)
-        .take(RIVALS)
-        .map(|m| m.set.clone())
-        .collect()
+    let near = best.log_posterior - RIVAL_PART * best.log_score;
+    let may_be = |m: &&Model| !m.set.is_empty() && m.set.len() <= best.set.len();
+    let rivals = first.models.iter().filter(may_be);
+    let rivals = rivals.take_while(|m| m.log_posterior >= near);
+    rivals.take(RIVALS).map(|m| m.set.clone()).collect()
 }
 
 /// Mean wind of a log: velocity over ground minus that through the air, towards north and east.
 fn mean_wind(segments: &[Segment], log: usize) -> [f64; 2] {
     let (mut sum, mut count) = ([0.0; 2], 0.0);
     for segment in segments.iter().filter(|s| s.log == log) {
-        let mut last = [f64::NAN; 15];
+        let mut last = [f64::NAN; CHANNELS];
         for m in &segment.measured {
             // Sampled and held channels keep their last value for this.
-            for (last, now) in last.iter_mut().zip(m) {
-                if now.is_finite() {
-                    *last = *now;
-                }
+            for (last, now) in last.iter_mut().zip(m).filter(|(_, now)| now.is_finite()) {
+                *last = *now;
             }
-            if !(m[at::VELOCITY].is_finite() && m[at::VELOCITY + 1].is_finite()) {
-                continue;
-            }
-            let angle = |k: usize| last[at::ROLL + k];
-            let attitude = fdm::quaternion(angle(0), angle(1), angle(2));
-            let r = fdm::dynamics::rotation(&attitude);
-            let alpha = if last[at::ALPHA].is_nan() {
-                0.05
-            } else {
-                last[at::ALPHA]
-            };
-            let beta = if last[at::BETA].is_nan() {
-                0.0
-            } else {
-                last[at::BETA]
-            };
-            let speed = last[at::AIRSPEED];
-            let air = [
-                speed * alpha.cos() * beta.cos(),
-                speed * beta.sin(),
-                speed * alpha.sin() * beta.cos(),
-            ];
-            let wind: [f64; 2] = std::array::from_fn(|k| {
-                m[at::VELOCITY + k] - (r[k][0] * air[0] + r[k][1] * air[1] + r[k][2] * air[2])
-            });
+            let or = |k: usize, usual: f64| if last[k].is_nan() { usual } else { last[k] };
+            let attitude = fdm::quaternion(last[at::ROLL], last[at::ROLL + 1], last[at::ROLL + 2]);
+            let air = through_air(last[at::AIRSPEED], or(at::ALPHA, 0.05), or(at::BETA, 0.0));
+            let air = towards(&rotation(&attitude), &air);
+            let wind = [0, 1].map(|k| m[at::VELOCITY + k] - air[k]);
             if wind.iter().all(|w| w.is_finite()) {
-                sum[0] += wind[0];
-                sum[1] += wind[1];
+                sum = [sum[0] + wind[0], sum[1] + wind[1]];
                 count += 1.0;
             }
         }
     }
-    if count > 0.0 {
-        sum.map(|s| s / count)
-    } else {
-        [0.0; 2]
-    }
+    sum.map(|s| s / f64::max(count, 1.0))
 }

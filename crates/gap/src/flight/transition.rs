@@ -34,12 +34,36 @@ pub struct Transition {
 }
 
 impl Transition {
-    /// Over `dt_s` with slopes `a` (1/s), in `parts` parts each short against every time constant;
-    /// what slopes add stays nil unless it is asked for.
-    pub fn of(a: &Matrix, dt_s: f64, parts: usize, adds: bool) -> Self {
+    /// Over `dt_s` with slopes `a` (1/s), in `parts` parts each short against every time constant: Taylor's series to the
+    /// fourth order, as exact as the Runge-Kutta step that it goes with, and squared from part to part.
+    pub fn of(a: &Matrix, dt_s: f64, parts: usize) -> Self {
         let halvings = parts.next_power_of_two().trailing_zeros();
-        exponential(a, dt_s, halvings, adds)
+        let h = dt_s / f64::from(1u32 << halvings);
+        let mut add = [[0.0; STATES]; STATES];
+        for part in [0.0, h / 4.0, h / 3.0, h / 2.0] {
+            add = one_and(a, &add, part);
+        }
+        let mut keep = one_and(a, &add, h);
+        add = add.map(|column| column.map(|v| h * v));
+        for _ in 0..halvings {
+            add = plus(&of_all(&keep, &add), &add);
+            keep = of_all(&keep, &keep);
+        }
+        Self { keep, add }
     }
+}
+
+/// One and `part` of the product of two matrices.
+fn one_and(a: &Matrix, b: &Matrix, part: f64) -> Matrix {
+    let mut out = of_all(a, b).map(|column| column.map(|v| part * v));
+    for k in 0..STATES {
+        out[k][k] += 1.0;
+    }
+    out
+}
+
+fn plus(a: &Matrix, b: &Matrix) -> Matrix {
+    std::array::from_fn(|c| std::array::from_fn(|r| a[c][r] + b[c][r]))
 }
 
 /// Values that one register holds.
@@ -74,56 +98,6 @@ fn of_all(m: &Matrix, v: &Matrix) -> Matrix {
     let mut out = [[0.0; STATES]; STATES];
     product(&mut out, m, v);
     out
-}
-
-/// Taylor's series to the fourth order, as exact as the Runge-Kutta step that it goes with, squared
-/// so many times.
-fn exponential(a: &Matrix, dt_s: f64, halvings: u32, adds: bool) -> Transition {
-    let h = dt_s / f64::from(1u32 << halvings);
-    let square = of_all(a, a);
-    // Both are a beginning and the square times an end.
-    let series = |of: [f64; 4]| {
-        let mix = |of: [f64; 2], of_one: f64| {
-            let mut m: Matrix = *a;
-            for (m, s) in m.as_flattened_mut().iter_mut().zip(square.as_flattened()) {
-                *m = of[0] * *m + of[1] * s;
-            }
-            for k in 0..STATES {
-                m[k][k] += of_one;
-            }
-            m
-        };
-        let mut whole = of_all(&square, &mix([of[2], of[3]], of[1]));
-        let begin = mix([of[0], 0.0], 0.0);
-        for (w, b) in whole
-            .as_flattened_mut()
-            .iter_mut()
-            .zip(begin.as_flattened())
-        {
-            *w += b;
-        }
-        whole
-    };
-    let mut keep = series([h, h * h / 2.0, h.powi(3) / 6.0, h.powi(4) / 24.0]);
-    let mut add = [[0.0; STATES]; STATES];
-    if adds {
-        add = series([h * h / 2.0, h.powi(3) / 6.0, h.powi(4) / 24.0, 0.0]);
-    }
-    let one = if adds { h } else { 0.0 };
-    for k in 0..STATES {
-        keep[k][k] += 1.0;
-        add[k][k] += one;
-    }
-    for _ in 0..halvings {
-        if adds {
-            let more = of_all(&keep, &add);
-            for (add, more) in add.as_flattened_mut().iter_mut().zip(more.as_flattened()) {
-                *add += more;
-            }
-        }
-        keep = of_all(&keep, &keep);
-    }
-    Transition { keep, add }
 }
 
 fn transposed(m: &Matrix) -> Matrix {
@@ -182,7 +156,7 @@ mod tests {
         a[0][1] = 1.0;
         // What the fifth order would add is (h / .4)^5 / 120, for each part.
         for (dt, parts) in [(0.02, 1), (0.38, 16)] {
-            let step = Transition::of(&a, dt, parts as usize, true);
+            let step = Transition::of(&a, dt, parts as usize);
             let keep = (-dt / 0.4_f64).exp();
             let bound = f64::from(parts) * (dt / f64::from(parts) / 0.4).powi(5) / 120.0 + 1e-12;
             let near = |a: f64, b: f64| assert!((a - b).abs() < bound, "{a} {b}");

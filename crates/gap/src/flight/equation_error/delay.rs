@@ -1,10 +1,10 @@
 //! Delays between commands and what they do.
 
-use fdm::Aircraft;
 use serde::Serialize;
 
-use super::smooth::Smooth;
-use super::{AXES, EquationError, SURFACE_OF, detrended, rows};
+use super::regression::jackknife;
+use super::smooth::{Smooth, detrended};
+use super::{Axis, EquationError};
 
 /// Longest delay sought, s.
 const LONGEST_S: f64 = 0.4;
@@ -44,27 +44,22 @@ pub struct Late {
 }
 
 impl Delay {
-    /// About `axis`; none without a command that moves.
-    pub(super) fn of(
-        parts: &[Smooth],
-        aircraft: &Aircraft,
-        axis: usize,
-        inertia: f64,
-    ) -> Option<Self> {
-        let (lag, correlation) = rate_lag(parts, axis)?;
-        let (delay, error) = best_delay(parts, aircraft, axis, inertia)?;
-        let servo = &aircraft.surfaces;
+    /// About an axis; none without a command that moves.
+    pub(super) fn of(parts: &[Smooth], axis: &Axis<'_>) -> Option<Self> {
+        let (rate_lag_s, correlation) = rate_lag(parts, axis.axis)?;
+        let (moment_delay_s, moment_delay_se_s) = best_delay(parts, axis)?;
+        let servo = &axis.aircraft.surfaces;
         // At the frequencies of flight a servo is late by so much.
         let servo_s = servo.delay_s + 2.0 * servo.damping_ratio / servo.natural_frequency_rad_s;
-        let command = ["aileron", "elevator", "rudder"][axis];
+        let command = ["aileron", "elevator", "rudder"][axis.axis];
         Some(Self {
-            axis,
-            of: format!("{} rate to {command} command", AXES[axis]),
-            rate_lag_s: lag,
+            axis: axis.axis,
+            of: format!("{} rate to {command} command", axis.name),
+            rate_lag_s,
             correlation,
-            moment_delay_s: delay,
-            moment_delay_se_s: error,
-            beyond_servo_s: delay - servo_s,
+            moment_delay_s,
+            moment_delay_se_s,
+            beyond_servo_s: moment_delay_s - servo_s,
         })
     }
 }
@@ -73,21 +68,16 @@ impl EquationError {
     /// How much later than published the surfaces that turn roll and pitch are; none where no
     /// delay is known.
     pub fn late(&self) -> Option<Late> {
-        let turns = |d: &&Delay| d.axis < 2;
-        let delays: Vec<&Delay> = self.delays.iter().filter(turns).collect();
-        let weight = |d: &Delay| d.moment_delay_se_s.powi(-2);
-        let total: f64 = delays.iter().map(|d| weight(d)).sum();
-        if total <= 0.0 {
-            return None;
-        }
-        let sum: f64 = delays.iter().map(|d| weight(d) * d.beyond_servo_s).sum();
-        let value_s = sum / total;
-        let squares: f64 = delays
-            .iter()
-            .map(|d| weight(d) * (d.beyond_servo_s - value_s).powi(2))
-            .sum();
+        let delays: Vec<&Delay> = self.delays.iter().filter(|d| d.axis < 2).collect();
+        let weighted = |of: &dyn Fn(&Delay) -> f64| -> f64 {
+            let weight = |d: &Delay| d.moment_delay_se_s.powi(-2);
+            delays.iter().map(|d| weight(d) * of(d)).sum()
+        };
+        let total = weighted(&|_| 1.0);
+        let value_s = weighted(&|d| d.beyond_servo_s) / total;
+        let squares = weighted(&|d| (d.beyond_servo_s - value_s).powi(2));
         let freedom = (delays.len() as f64 - 1.0).max(1.0);
-        Some(Late {
+        (total > 0.0).then(|| Late {
             value_s,
             se_s: ((squares / freedom).max(1.0) / total).sqrt(),
         })
@@ -97,15 +87,15 @@ impl EquationError {
 /// Pure delay with the least squares left, refined by a parabola, and its standard error by
 /// leaving out each block in turn; none where the best lies at an end of what is sought, since it
 /// is then not bracketed, or where blocks are too few to tell an error.
-fn best_delay(parts: &[Smooth], a: &Aircraft, axis: usize, inertia: f64) -> Option<(f64, f64)> {
+fn best_delay(parts: &[Smooth], axis: &Axis<'_>) -> Option<(f64, f64)> {
     let count = (0.5 * LONGEST_S / DELAY_STEP_S) as usize;
     let mut left: Vec<Vec<f64>> = Vec::with_capacity(count + 1);
     for k in 0..=count {
-        let rows = rows(parts, a, axis, k as f64 * DELAY_STEP_S, inertia);
-        if !rows.is_excited() {
+        let regression = axis.regression(parts, k as f64 * DELAY_STEP_S);
+        if !axis.is_excited(&regression) {
             return None;
         }
-        left.push(rows.left_without_each());
+        left.push(regression.left_without_each());
     }
     // A block that only some delays fill is in no comparison.
     let width = left.iter().map(Vec::len).min().unwrap_or(0);
@@ -117,25 +107,20 @@ fn best_delay(parts: &[Smooth], a: &Aircraft, axis: usize, inertia: f64) -> Opti
     if whole <= 0.0 || whole >= count as f64 {
         return None;
     }
-    let without: Vec<f64> = (1..width).map(|k| best(k) * DELAY_STEP_S).collect();
-    let n = without.len() as f64;
-    let mean = without.iter().sum::<f64>() / n;
-    let spread: f64 = without.iter().map(|d| (d - mean).powi(2)).sum();
+    let without = (1..width).map(|k| best(k) * DELAY_STEP_S);
     // A command is known to the row: each of its changes comes anywhere between two, and a block
     // holds at least one change.
-    let of_rows = parts[0].interval / (12.0 * n).sqrt();
-    let error = ((n - 1.0) / n * spread).sqrt().hypot(of_rows);
+    let of_rows = parts[0].interval / (12.0 * (width as f64 - 1.0)).sqrt();
+    let error = jackknife(without).hypot(of_rows);
     error.is_finite().then_some((whole * DELAY_STEP_S, error))
 }
 
 /// Place of the largest value, between the samples by a parabola.
 fn peak(values: &[f64]) -> f64 {
-    let mut best = 0;
-    for (k, value) in values.iter().enumerate() {
-        if *value > values[best] {
-            best = k;
-        }
-    }
+    let best = (0..values.len())
+        .rev()
+        .max_by(|a, b| values[*a].total_cmp(&values[*b]));
+    let best = best.unwrap_or(0);
     if best == 0 || best + 1 == values.len() {
         return best as f64;
     }
@@ -151,26 +136,22 @@ fn peak(values: &[f64]) -> f64 {
 
 /// Lag of a rate behind the command of its surface, and the correlation there.
 fn rate_lag(parts: &[Smooth], axis: usize) -> Option<(f64, f64)> {
+    // Surface that turns about the axis, and its sense: elevator and rudder turn against their sign.
+    let (surface, sign) = [(1, 1.0), (0, -1.0), (2, -1.0)][axis];
     let interval = parts[0].interval;
-    let count = (LONGEST_S / interval) as usize;
-    let mut cross = vec![0.0; count + 1];
+    let mut cross = vec![0.0; (LONGEST_S / interval) as usize + 1];
     let (mut uu, mut yy) = (0.0, 0.0);
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     for part in parts {
-        let u = detrended(&part.told[SURFACE_OF[axis]], interval);
+        let u = detrended(&part.told[surface], interval);
         let y = detrended(&part.raw_rate[axis], interval);
         for (lag, sum) in cross.iter_mut().enumerate() {
-            *sum += u.iter().zip(&y[lag..]).map(|(u, y)| u * y).sum::<f64>();
+            *sum += sign * dot(&u, &y[lag..]);
         }
-        uu += u.iter().map(|u| u * u).sum::<f64>();
-        yy += y.iter().map(|y| y * y).sum::<f64>();
+        uu += dot(&u, &u);
+        yy += dot(&y, &y);
     }
-    if uu <= 0.0 || yy <= 0.0 {
-        return None;
-    }
-    // Elevator and rudder turn against their sign.
-    let sign = if axis == 0 { 1.0 } else { -1.0 };
-    let signed: Vec<f64> = cross.iter().map(|c| sign * c).collect();
-    let at = peak(&signed);
-    let correlation = cross[at.round() as usize] / (uu * yy).sqrt();
-    Some((at * interval, correlation))
+    let at = peak(&cross);
+    let correlation = sign * cross[at.round() as usize] / (uu * yy).sqrt();
+    (uu > 0.0 && yy > 0.0).then_some((at * interval, correlation))
 }

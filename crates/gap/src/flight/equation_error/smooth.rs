@@ -1,58 +1,57 @@
 //! Measured samples smoothed by a local parabola, with accelerations as its slopes and the published
 //! moments through the same filter.
 
-use fdm::Aircraft;
-use fdm::dynamics::flow;
+use fdm::{Aircraft, SurfaceCommand};
 
-use super::super::channel::at;
-use super::super::gate::Segment;
-use super::super::motion::World;
-use super::*;
+use super::WINDOW_S;
+use crate::flight::channel::at;
+use crate::flight::gate::Segment;
+use crate::flight::motion::World;
+
+/// What is slower than this is taken off before delays are sought, s.
+const DETREND_S: f64 = 2.0;
+/// Length of blocks left out, s.
+const BLOCK_S: f64 = 10.0;
 
 /// Samples of one uninterrupted part, smoothed, with the accelerations.
 pub(super) struct Smooth {
-    pub(super) interval: f64,
-    pub(super) block: usize,
-    pub(super) rate: [Vec<f64>; 3],
-    pub(super) spin: [Vec<f64>; 3],
-    pub(super) flow: [Vec<f64>; 3],
-    pub(super) force: [Vec<f64>; 3],
+    pub interval: f64,
+    pub rate: [Vec<f64>; 3],
+    pub spin: [Vec<f64>; 3],
+    pub flow: [Vec<f64>; 3],
+    pub force: [Vec<f64>; 3],
     /// Elevator, aileron, rudder as told, raw.
-    pub(super) told: [Vec<f64>; 3],
-    pub(super) raw_rate: [Vec<f64>; 3],
-    pub(super) density: Vec<f64>,
+    pub told: [Vec<f64>; 3],
+    pub raw_rate: [Vec<f64>; 3],
+    pub density: Vec<f64>,
     /// Moment of the published model, smoothed likewise, N m.
-    pub(super) published: [Vec<f64>; 3],
-    pub(super) roll: Vec<f64>,
-    pub(super) pitch: Vec<f64>,
+    pub published: [Vec<f64>; 3],
+    /// Roll and pitch angle, raw, rad.
+    pub angle: [Vec<f64>; 2],
 }
 
-/// Weights of value and slope of a parabola over `n` samples either side.
-pub(super) fn savitzky_golay(n: usize, interval: f64) -> (Vec<f64>, Vec<f64>) {
-    let m = n as f64;
-    let count = 2.0 * m + 1.0;
-    let second: f64 = m * (m + 1.0) * count / 3.0;
-    let fourth: f64 = second * (3.0 * m * m + 3.0 * m - 1.0) / 5.0;
-    let k = |i: usize| i as f64 - m;
+/// Weights of value and slope of a parabola over half of [`WINDOW_S`] either side.
+fn savitzky_golay(interval: f64) -> [Vec<f64>; 2] {
+    let n = ((0.5 * WINDOW_S / interval).round() as i32).max(2);
+    let places = || (-n..=n).map(f64::from);
+    let [count, second, fourth] =
+        [0, 2, 4].map(|power| places().map(|k| k.powi(power)).sum::<f64>());
     let det = count * fourth - second * second;
-    let value = (0..=2 * n)
-        .map(|i| (fourth - second * k(i) * k(i)) / det)
-        .collect();
-    let slope = (0..=2 * n).map(|i| k(i) / (second * interval)).collect();
-    (value, slope)
+    let value = places().map(|k| (fourth - second * k * k) / det);
+    let slope = places().map(|k| k / (second * interval));
+    [value.collect(), slope.collect()]
 }
 
-pub(super) fn filtered(x: &[f64], weights: &[f64]) -> Vec<f64> {
+fn filtered(x: &[f64], weights: &[f64]) -> Vec<f64> {
     let n = weights.len() / 2;
-    (0..x.len())
-        .map(|i| {
-            if i < n || i + n >= x.len() {
-                return f64::NAN;
-            }
-            let window = &x[i - n..=i + n];
-            window.iter().zip(weights).map(|(x, w)| x * w).sum()
-        })
-        .collect()
+    let mut out = vec![f64::NAN; x.len()];
+    for (out, window) in out[n.min(x.len())..]
+        .iter_mut()
+        .zip(x.windows(weights.len()))
+    {
+        *out = window.iter().zip(weights).map(|(x, w)| x * w).sum();
+    }
+    out
 }
 
 /// Gaps bridged by straight lines; at the ends the nearest value.
@@ -74,37 +73,41 @@ pub(super) fn bridged(x: &[f64]) -> Vec<f64> {
     out
 }
 
+/// `x` without what is slower than [`DETREND_S`].
+pub(super) fn detrended(x: &[f64], interval: f64) -> Vec<f64> {
+    let half = (0.5 * DETREND_S / interval) as usize;
+    let mut sums = vec![0.0];
+    for v in x {
+        sums.push(sums[sums.len() - 1] + v);
+    }
+    let without_mean = |i: usize| {
+        let (from, to) = (i.saturating_sub(half), (i + half + 1).min(x.len()));
+        x[i] - (sums[to] - sums[from]) / (to - from) as f64
+    };
+    (0..x.len()).map(without_mean).collect()
+}
+
 impl Smooth {
-    pub(super) fn new(segment: &Segment, world: &World) -> Option<Self> {
+    pub fn new(segment: &Segment, world: &World) -> Option<Self> {
         let time = &segment.time_s;
         let interval = (time[time.len() - 1] - time[0]) / (time.len() - 1) as f64;
-        let n = ((0.5 * WINDOW_S / interval).round() as usize).max(2);
-        if time.len() < 8 * n {
+        let [value, slope] = savitzky_golay(interval);
+        if time.len() < 4 * value.len() {
             return None;
         }
-        let (value, slope) = savitzky_golay(n, interval);
         let raw = |k: usize| bridged(&segment.measured.iter().map(|m| m[k]).collect::<Vec<_>>());
         let smooth = |k: usize| filtered(&raw(k), &value);
         let raw_rate: [Vec<f64>; 3] = std::array::from_fn(|k| raw(at::ROLL_RATE + k));
-        let told = |f: fn(&fdm::SurfaceCommand) -> f64| segment.command.iter().map(f).collect();
+        let told = |f: fn(&SurfaceCommand) -> f64| segment.command.iter().map(f).collect();
         let air: [Vec<f64>; 3] = std::array::from_fn(raw);
-        let mut published: [Vec<f64>; 3] = std::array::from_fn(|_| Vec::new());
-        for i in 0..segment.len() {
-            let (sin_a, cos_a) = air[at::ALPHA][i].sin_cos();
-            let (sin_b, cos_b) = air[at::BETA][i].sin_cos();
-            let speed = air[at::AIRSPEED][i];
-            let body = [speed * cos_a * cos_b, speed * sin_b, speed * sin_a * cos_b];
-            let level = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-            let flow = flow(&level, &body, &[0.0; 3]);
-            let rate = [raw_rate[0][i], raw_rate[1][i], raw_rate[2][i]];
-            let (_, moment) = world.load(segment, i, &flow, &rate);
-            for k in 0..3 {
-                published[k].push(moment[k]);
-            }
-        }
+        let published = |i: usize| {
+            let of = |channels: &[Vec<f64>; 3]| std::array::from_fn(|k| channels[k][i]);
+            world.moment(segment, i, of(&air), of(&raw_rate))
+        };
+        let published: Vec<[f64; 3]> = (0..segment.len()).map(published).collect();
+        let moment = |k: usize| published.iter().map(|m| m[k]).collect::<Vec<f64>>();
         Some(Self {
             interval,
-            block: (BLOCK_S / interval) as usize,
             spin: std::array::from_fn(|k| filtered(&raw_rate[k], &slope)),
             rate: std::array::from_fn(|k| smooth(at::ROLL_RATE + k)),
             flow: std::array::from_fn(smooth),
@@ -116,58 +119,63 @@ impl Smooth {
             ],
             raw_rate,
             density: segment.density.clone(),
-            published: published.map(|p| filtered(&p, &value)),
-            roll: raw(at::ROLL),
-            pitch: raw(at::ROLL + 1),
+            published: std::array::from_fn(|k| filtered(&moment(k), &value)),
+            angle: std::array::from_fn(|k| raw(at::ROLL + k)),
         })
     }
 
-    pub(super) fn len(&self) -> usize {
+    pub fn len(&self) -> usize {
         self.density.len()
     }
 
-    /// A command `delay` seconds ago, smoothed, rad.
-    pub(super) fn late(&self, surface: usize, delay: f64) -> Vec<f64> {
-        let n = ((0.5 * WINDOW_S / self.interval).round() as usize).max(2);
-        let told = &self.told[surface];
-        let shifted: Vec<f64> = (0..told.len())
-            .map(|i| {
-                let at = (i as f64 - delay / self.interval).max(0.0);
-                let (low, part) = (at.floor() as usize, at.fract());
-                told[low] + part * (told[(low + 1).min(told.len() - 1)] - told[low])
-            })
-            .collect();
-        filtered(&shifted, &savitzky_golay(n, self.interval).0)
+    /// Number of the block of sample `i`, where this is the `part`-th part.
+    pub fn block_of(&self, part: usize, i: usize) -> usize {
+        1000 * part + i / ((BLOCK_S / self.interval) as usize).max(1)
     }
 
-    /// Measured moment coefficient about `axis` and what makes it one.
-    pub(super) fn coefficient(&self, a: &Aircraft, axis: usize, i: usize) -> (f64, f64) {
-        let b = &a.body;
-        let [p, q, r] = [self.rate[0][i], self.rate[1][i], self.rate[2][i]];
-        let [pd, qd, rd] = [self.spin[0][i], self.spin[1][i], self.spin[2][i]];
-        let moment = match axis {
-            0 => {
-                b.ixx_kg_m2 * pd - b.ixz_kg_m2 * (rd + p * q) + (b.izz_kg_m2 - b.iyy_kg_m2) * q * r
-            }
-            1 => {
-                b.iyy_kg_m2 * qd
-                    + (b.ixx_kg_m2 - b.izz_kg_m2) * p * r
-                    + b.ixz_kg_m2 * (p * p - r * r)
-            }
-            _ => {
-                b.izz_kg_m2 * rd - b.ixz_kg_m2 * (pd - q * r) + (b.iyy_kg_m2 - b.ixx_kg_m2) * p * q
-            }
+    /// A command `delay` seconds ago, smoothed, rad.
+    pub fn late(&self, surface: usize, delay: f64) -> Vec<f64> {
+        let told = &self.told[surface];
+        let shifted = |i: usize| {
+            let at = (i as f64 - delay / self.interval).max(0.0);
+            let (low, part) = (at.floor() as usize, at.fract());
+            told[low] + part * (told[(low + 1).min(told.len() - 1)] - told[low])
         };
-        (moment, self.scale(a, axis, i))
+        let shifted: Vec<f64> = (0..told.len()).map(shifted).collect();
+        filtered(&shifted, &savitzky_golay(self.interval)[0])
+    }
+
+    /// Measured moment about `axis`, N m.
+    pub fn moment(&self, a: &Aircraft, axis: usize, i: usize) -> f64 {
+        let b = &a.body;
+        let [p, q, r] = [0, 1, 2].map(|k| self.rate[k][i]);
+        let [pd, qd, rd] = [0, 1, 2].map(|k| self.spin[k][i]);
+        let (x, y, z, xz) = (b.ixx_kg_m2, b.iyy_kg_m2, b.izz_kg_m2, b.ixz_kg_m2);
+        match axis {
+            0 => x * pd - xz * (rd + p * q) + (z - y) * q * r,
+            1 => y * qd + (x - z) * p * r + xz * (p * p - r * r),
+            _ => z * rd - xz * (pd - q * r) + (y - x) * p * q,
+        }
+    }
+
+    /// Specific force across the flow, m/s², down positive.
+    pub fn normal_force(&self, i: usize) -> f64 {
+        let (sin, cos) = self.flow[at::ALPHA][i].sin_cos();
+        self.force[2][i] * cos - self.force[0][i] * sin
     }
 
     /// Dynamic pressure times area times length, N m.
-    pub(super) fn scale(&self, a: &Aircraft, axis: usize, i: usize) -> f64 {
+    pub fn scale(&self, a: &Aircraft, axis: usize, i: usize) -> f64 {
         let length = if axis == 1 {
             a.wing.chord_m
         } else {
             a.wing.span_m
         };
-        0.5 * self.density[i] * self.flow[at::AIRSPEED][i].powi(2) * a.wing.area_m2 * length
+        self.lift_scale(a, i) * length
+    }
+
+    /// Dynamic pressure times area, N.
+    pub fn lift_scale(&self, a: &Aircraft, i: usize) -> f64 {
+        0.5 * self.density[i] * self.flow[at::AIRSPEED][i].powi(2) * a.wing.area_m2
     }
 }

@@ -28,11 +28,12 @@ use serde::{Deserialize, Serialize};
 use crate::GapError;
 use crate::applied::EarlierTracer;
 use crate::verdict::{
-    Cause, DataQuality, Detectable, Flaw, Gain, GapJson, NextFlight, Parameter, Ranked, SCHEMA,
-    Unexplained, UnexplainedKind, Verdict, number_or_null,
+    Cause, Detectable, Gain, GapJson, NextFlight, Parameter, Ranked, SCHEMA, Unexplained,
+    UnexplainedKind, Verdict, number_or_null,
 };
 pub use apply::apply;
-use arcs::{Arc, TrialArcs, Weather};
+use arcs::{Arc, TrialArcs};
+use checks::Read;
 use findings::Finding;
 use fit::{Trials, without};
 use model::{DEPOSITION, Datum, Model, Quantity};
@@ -163,12 +164,13 @@ pub fn analyse(
     seed: u64,
     progress: &mut dyn FnMut(f64),
 ) -> Result<TracerReport, GapError> {
-    let (trials, mut notices) = arcs::trials(tables);
+    let mut read = checks::read(tables);
+    let trials = &read.trials;
     let mut answers = Vec::new();
     for (k, (name, sign)) in AIRS.into_iter().enumerate() {
-        match answer(name, in_air(&trials, sign)) {
+        match answer(name, in_air(trials, sign)) {
             Ok(answer) => answers.push(answer),
-            Err(notice) => notices.push(notice),
+            Err(notice) => read.notices.push(notice),
         }
         progress(0.45 + 0.45 * k as f64);
     }
@@ -189,8 +191,7 @@ pub fn analyse(
     let logs: Vec<[f64; 2]> = logs.flat_map(|f| gain::log_scores(&f.scored)).collect();
     let (gain, _) = gain::gain(&arcs, &logs, seed)?;
     progress(1.0);
-    let (amounts, flaws) = checks::suspicions(&trials);
-    let off = amounts.map(|amounts| Unexplained {
+    let off = read.amounts.clone().map(|amounts| Unexplained {
         kind: UnexplainedKind::FailedCheck,
         coordinate: "map".into(),
         term: amounts,
@@ -202,10 +203,8 @@ pub fn analyse(
     });
     if off.is_some() {
         // The numbers stand; what they are put down to does not.
-        let findings = answers
-            .iter_mut()
-            .flat_map(|a| a.findings.iter_mut().flatten());
-        findings.for_each(|f| f.causes.clear());
+        let findings = answers.iter_mut().flat_map(|a| &mut a.findings);
+        findings.flatten().for_each(|f| f.causes.clear());
     }
     let (causes, relative_to) = causes(&answers);
     let found = EarlierTracer {
@@ -213,7 +212,7 @@ pub fn analyse(
         groups: answers.iter().map(group).collect(),
     };
     let summary = words::summary(&answers, &gain);
-    let mut report = report(&trials, flaws, found, arcs, gain, notices);
+    let mut report = report(&read, found, arcs, gain);
     report.extended_toml = extension::scenario(&answers);
     let gap = &mut report.gap;
     let what = match off {
@@ -268,9 +267,8 @@ fn answer<'a>(name: &'static str, trials: Vec<&'a TrialArcs>) -> Result<Answer<'
              least {LEAST_TRIALS})"
         ));
     }
-    let weather: Vec<&Weather> = trials.iter().map(|t| &t.weather).collect();
     let of = |data: &dyn Fn(&TrialArcs) -> Vec<Datum>| Trials {
-        weather: &weather,
+        trials: &trials,
         data: trials.iter().map(|t| data(t)).collect(),
     };
     let is_known = |t: &TrialArcs| t.weather.sigma_azimuth_rad.is_some();
@@ -348,25 +346,16 @@ fn causes(answers: &[Answer<'_>]) -> (Vec<Cause>, Vec<Vec<String>>) {
 }
 
 /// What an analysis and an application report alike.
-fn report(
-    trials: &[TrialArcs],
-    flaws: Vec<DataQuality>,
-    found: EarlierTracer,
-    arcs: Vec<ArcDetail>,
-    gain: Gain,
-    mut notices: Vec<String>,
-) -> TracerReport {
-    let odd = notices.iter().filter_map(|n| odd_data(n));
-    let data_quality = flaws.iter().cloned().chain(odd).collect();
-    notices.splice(0..0, flaws.into_iter().map(|f| f.message));
-    let roughness_m = trials[0].weather.roughness_m;
+fn report(read: &Read, found: EarlierTracer, arcs: Vec<ArcDetail>, gain: Gain) -> TracerReport {
+    let flaws = read.flaws.iter().map(|f| &f.message);
+    let roughness_m = read.trials[0].weather.roughness_m;
     TracerReport {
         gap: GapJson {
             schema: SCHEMA,
             residual: predicted::residual(&arcs),
             gain: Some(gain),
-            data_quality,
-            notices,
+            data_quality: read.flaws.clone(),
+            notices: flaws.chain(&read.notices).cloned().collect(),
             ..GapJson::default()
         },
         tracer: TracerDetail {
@@ -378,18 +367,6 @@ fn report(
         },
         extended_toml: String::new(),
     }
-}
-
-/// A notice on implausible corrections is also one on the quality of the data.
-fn odd_data(notice: &str) -> Option<DataQuality> {
-    let trial = notice.strip_prefix("trial ")?.split(':').next()?;
-    notice.contains("implausible").then(|| DataQuality {
-        platform: trial.to_owned(),
-        kind: Flaw::Outlier,
-        from_s: f64::NAN,
-        to_s: f64::NAN,
-        message: notice.to_owned(),
-    })
 }
 
 fn class_limits(roughness_m: f64) -> Vec<ClassLimit> {

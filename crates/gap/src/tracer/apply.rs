@@ -24,11 +24,12 @@ const LEAST_FOR_INTERVALS: usize = 4;
 /// no trial has wind, Obukhov length, arcs and a kind of air of which the finding has models.
 pub fn apply(tables: &Tables, earlier: &Earlier, seed: u64) -> Result<TracerReport, GapError> {
     let found = earlier.tracer()?;
-    let (trials, mut notices) = arcs::trials(tables);
-    notices.extend(trial_notices(&trials, &found.groups));
+    let mut read = checks::read(tables);
+    let trials = &read.trials;
+    let mut notices = trial_notices(trials, &found.groups);
     let mut predicted = Vec::new();
     for (name, sign) in AIRS {
-        let chosen = in_air(&trials, sign);
+        let chosen = in_air(trials, sign);
         if let Some(group) = found.groups.iter().find(|g| g.group == name) {
             let models = models(group, &earlier.name)?;
             for trial in &chosen {
@@ -55,8 +56,8 @@ pub fn apply(tables: &Tables, earlier: &Earlier, seed: u64) -> Result<TracerRepo
     }
     let (gain, ln_square_change) = gain::gain(&predicted, &[], seed)?;
     let applied = applied(&predicted, &gain, ln_square_change, &earlier.name)?;
-    let flaws = checks::suspicions(&trials).1;
-    let mut report = report(&trials, flaws, found.clone(), predicted, gain, notices);
+    read.notices.extend(notices);
+    let mut report = report(&read, found.clone(), predicted, gain);
     report.gap.verdict = earlier.verdict;
     report.gap.causes = earlier.causes.clone();
     report.gap.summary = applied.says.clone();

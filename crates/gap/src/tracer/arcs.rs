@@ -7,6 +7,7 @@ use std::f64::consts::{PI, TAU};
 use plume::stability::Stability;
 
 use super::table::{Receptor, Tables, Trial};
+use crate::verdict::{DataQuality, Flaw};
 
 /// A trial's release and weather.
 #[derive(Debug, Clone, PartialEq)]
@@ -107,12 +108,13 @@ fn by_trial(rows: &[Receptor]) -> BTreeMap<&str, Vec<&Receptor>> {
     map
 }
 
-/// The trials with weather, their arcs and towers, and what a user should know of them and of the tables.
-pub fn trials(tables: &Tables) -> (Vec<TrialArcs>, Vec<String>) {
+/// The trials with weather, their arcs and towers, samplers that are odd, and what a user should know besides.
+pub fn trials(tables: &Tables) -> (Vec<TrialArcs>, Vec<DataQuality>, Vec<String>) {
     let mut notices = tables.notices.clone();
+    let mut odd = Vec::new();
     notices.extend(table_notices(tables));
     let (receptors, towers) = (by_trial(&tables.receptors), by_trial(&tables.towers));
-    let mut out = Vec::new();
+    let mut trials = Vec::new();
     let mut without = Vec::new();
     let (mut mixed_heights, mut other_height) = (0, 0);
     for trial in &tables.trials {
@@ -127,7 +129,7 @@ pub fn trials(tables: &Tables) -> (Vec<TrialArcs>, Vec<String>) {
         };
         let usual = middle_factor(rows);
         let mut arcs = Vec::new();
-        let points = corrected(name, rows, usual, &mut notices);
+        let points = corrected(name, rows, usual, &mut odd);
         let usual_m = shared_height_m(&points);
         for points in split(&points) {
             let level = of_one_height(points, usual_m);
@@ -143,7 +145,7 @@ pub fn trials(tables: &Tables) -> (Vec<TrialArcs>, Vec<String>) {
         }
         if !arcs.is_empty() {
             let towers = towers.get(name).map_or(&[][..], Vec::as_slice);
-            out.push(TrialArcs {
+            trials.push(TrialArcs {
                 weather,
                 arcs,
                 tower_spreads_m: tower_spreads(towers, usual),
@@ -163,7 +165,18 @@ pub fn trials(tables: &Tables) -> (Vec<TrialArcs>, Vec<String>) {
              and {other_height} samplers at others are ignored"
         ));
     }
-    (out, notices)
+    (trials, odd, notices)
+}
+
+/// A flaw without a stretch of time.
+pub fn flaw(platform: &str, kind: Flaw, message: String) -> DataQuality {
+    DataQuality {
+        platform: platform.to_owned(),
+        kind,
+        from_s: f64::NAN,
+        to_s: f64::NAN,
+        message,
+    }
 }
 
 /// The first names, and how many more.
@@ -283,17 +296,23 @@ fn middle_factor(rows: &[&Receptor]) -> f64 {
 }
 
 /// Samplers with a reading, by distance; `usual` is the factor of those without a plausible one.
-fn corrected(trial: &str, rows: &[&Receptor], usual: f64, notices: &mut Vec<String>) -> Vec<Point> {
+fn corrected(
+    trial: &str,
+    rows: &[&Receptor],
+    usual: f64,
+    flaws: &mut Vec<DataQuality>,
+) -> Vec<Point> {
     let plausible = |r: &Receptor| r.evaporation_factor.filter(|f| *f >= LEAST_CORRECTION);
-    let odd =
-        |r: &&&Receptor| r.concentration_mg_m3.is_some() && plausible(r) != r.evaporation_factor;
-    let odd = rows.iter().filter(odd).count();
-    notices.extend((odd > 0).then(|| {
-        format!(
+    let is_odd = |r: &Receptor| plausible(r) != r.evaporation_factor;
+    let read = rows.iter().filter(|r| r.concentration_mg_m3.is_some());
+    let odd = read.filter(|r| is_odd(r)).count();
+    if odd > 0 {
+        let message = format!(
             "trial {trial}: {odd} sampling corrections below {LEAST_CORRECTION} are implausible; \
              the trial's median {usual} is used instead"
-        )
-    }));
+        );
+        flaws.push(flaw(trial, Flaw::Outlier, message));
+    }
     points(rows, |r| plausible(r).unwrap_or(usual))
 }
 

@@ -3,9 +3,10 @@
 
 use formats::number::significant;
 
-use super::arcs::{TrialArcs, mean_azimuth};
+use super::arcs::{self, TrialArcs, flaw, mean_azimuth};
 use super::median;
 use super::predicted::{ArcDetail, Models, arc};
+use super::table::Tables;
 use crate::verdict::{DataQuality, Flaw};
 
 /// Measured over predicted, in the middle of all arcs, that no spread explains: Briggs' curves
@@ -21,18 +22,35 @@ const LEAST_AZIMUTH_DEG: f64 = 1.0;
 /// Obukhov lengths below this in the middle look like their inverse, m.
 const LEAST_OBUKHOV_M: f64 = 1.0;
 
-/// What looks wrong: amounts that are off so far that no cause can be named, and all flaws, those first.
-pub fn suspicions(trials: &[TrialArcs]) -> (Option<String>, Vec<DataQuality>) {
-    let amounts = amounts(trials);
-    let messages = [amounts.clone(), direction(trials), small_numbers(trials)];
-    let flaw = |message| DataQuality {
-        platform: "all trials".into(),
-        kind: Flaw::Unit,
-        from_s: f64::NAN,
-        to_s: f64::NAN,
-        message,
-    };
-    (amounts, messages.into_iter().flatten().map(flaw).collect())
+/// What the tables hold.
+pub struct Read {
+    /// The trials with weather, their arcs and towers.
+    pub trials: Vec<TrialArcs>,
+    /// Amounts that are off so far that no cause can be named.
+    pub amounts: Option<String>,
+    /// Flaws of the tables, those of all trials first.
+    pub flaws: Vec<DataQuality>,
+    /// What a user should know besides.
+    pub notices: Vec<String>,
+}
+
+/// Reads the trials and what looks wrong with them.
+pub fn read(tables: &Tables) -> Read {
+    let (trials, odd, notices) = arcs::trials(tables);
+    let amounts = amounts(&trials);
+    let messages = [amounts.clone(), direction(&trials), small_numbers(&trials)];
+    let unit = |message| flaw("all trials", Flaw::Unit, message);
+    Read {
+        flaws: messages
+            .into_iter()
+            .flatten()
+            .map(unit)
+            .chain(odd)
+            .collect(),
+        trials,
+        amounts,
+        notices,
+    }
 }
 
 fn amounts(trials: &[TrialArcs]) -> Option<String> {

@@ -1,8 +1,6 @@
 //! A scenario that runs with what was found: the kind of air in which the cause is clearest,
 //! with the median weather of its trials.
 
-use std::fmt::Write as _;
-
 use plume::stability::Stability;
 
 use super::arcs::Weather;
@@ -31,9 +29,8 @@ pub fn scenario(answers: &[Answer<'_>]) -> String {
     toml.push_str(&air(order[0]));
     for other in &order[1..] {
         toml.push_str("\n# The other kind of air: these in place of the tables above.\n");
-        for line in air(other).lines() {
-            let _ = writeln!(toml, "# {line}");
-        }
+        let lines = air(other);
+        toml.extend(lines.lines().map(|line| format!("# {line}\n")));
     }
     toml
 }
@@ -57,9 +54,7 @@ fn air(answer: &Answer<'_>) -> String {
         middle(|w| w.source_height_m),
         middle(|w| w.release_mg_s * 1e-6),
     );
-    answer
-        .findings()
-        .for_each(|f| toml.push_str(&mechanisms(f)));
+    toml.extend(answer.findings().map(mechanisms));
     toml
 }
 

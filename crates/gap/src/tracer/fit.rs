@@ -11,7 +11,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use statrs::distribution::{ContinuousCDF, Normal};
 use std::f64::consts::PI;
 
-use super::arcs::Weather;
+use super::arcs::TrialArcs;
 use super::model::{Datum, Model, Numbers, PRIOR_SD, Quantity, WORDS, is_positive, written};
 use super::predicted::Weighted;
 use crate::verdict::Parameter;
@@ -41,7 +41,7 @@ const STEP_SD: f64 = 0.02;
 
 /// Trials of one kind of air, with what one question is about in each.
 pub struct Trials<'a> {
-    pub weather: &'a [&'a Weather],
+    pub trials: &'a [&'a TrialArcs],
     pub data: Vec<Vec<Datum>>,
 }
 
@@ -119,7 +119,7 @@ fn log_density(residual: &DVector<f64>, factor: &Cholesky<f64, Dyn>) -> (f64, f6
 impl Trials<'_> {
     fn predict(&self, model: &Model, i: usize, numbers: &Numbers) -> DVector<f64> {
         let each = self.data[i].iter();
-        vector(each.map(|d| model.predict(self.weather[i], d, numbers)))
+        vector(each.map(|d| model.predict(&self.trials[i].weather, d, numbers)))
     }
 
     fn linear(&self, model: &Model, i: usize, numbers: &Numbers) -> Linear<'_> {

@@ -55,9 +55,8 @@ fn averaged(models: &[Weighted], predict: impl Fn(&Model, &Numbers) -> Option<f6
     if each.iter().all(|e| e.0 == 0.0) {
         each.iter_mut().for_each(|e| e.0 = 1.0);
     }
-    let (sum, weight) = each
-        .iter()
-        .fold((0.0, 0.0), |s, (w, v)| (s.0 + w * v, s.1 + w));
+    let sum: f64 = each.iter().map(|(w, v)| w * v).sum();
+    let weight: f64 = each.iter().map(|e| e.0).sum();
     (weight > 0.0).then(|| sum / weight)
 }
 

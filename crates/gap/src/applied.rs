@@ -5,7 +5,7 @@ use ::plume::Gas;
 use serde::{Deserialize, Serialize};
 
 use crate::GapError;
-use crate::tracer::tried::GroupDetail;
+use crate::tracer::GroupDetail;
 use crate::verdict::{Cause, HeldOut, Readings, SCHEMA, Verdict};
 
 /// Whether an extension helps on data that had no part in finding it.

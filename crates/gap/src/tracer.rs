@@ -5,44 +5,40 @@
 //! spread, transport and loss, and its width, which knows of lateral spread; towers show
 //! vertical spread itself. Trials in unstable (1/L below 0) and in stable air are two questions
 //! of their own, vertical and lateral each. Models are fitted with the errors that trials share
-//! ([`evidence`]), ranked by evidence and by their scores on trials left out; predictions of a
+//! (`fit`), ranked by evidence and by their scores on trials left out; predictions of a
 //! trial left out are the mean over models by their probability given the others.
 //!
 //! Pure: texts in, report out.
 
 mod apply;
-pub mod arcs;
+mod arcs;
 mod checks;
-mod detail;
-pub mod evidence;
 mod extension;
 mod findings;
-pub mod ladder;
-mod leftover;
-pub mod model;
-mod parameters;
-mod scores;
-pub mod surface_layer;
+mod fit;
+mod gain;
+mod model;
+mod predicted;
 pub mod table;
-mod trial_scores;
-pub(crate) mod tried;
+mod words;
 
-use serde::Serialize;
+use plume::stability::Stability;
+use serde::{Deserialize, Serialize};
 
 use crate::GapError;
+use crate::applied::EarlierTracer;
 use crate::verdict::{
-    Cause, DataQuality, Detectable, Flaw, Gain, GapJson, NextFlight, Ranked, ResidualBin, SCHEMA,
-    Unexplained, UnexplainedKind, Verdict,
+    Cause, Detectable, Gain, GapJson, NextFlight, Parameter, Ranked, SCHEMA, Unexplained,
+    UnexplainedKind, Verdict, number_or_null,
 };
 pub use apply::apply;
-use arcs::TrialArcs;
-use checks::Suspicions;
-pub use detail::{ArcDetail, ClassLimit};
-use findings::{Finding, judge};
-use ladder::{Group, LateralModel, Tried, VerticalModel, Widths};
+use arcs::{Arc, TrialArcs};
+use checks::Read;
+use findings::Finding;
+use fit::{Trials, without};
+use model::{DEPOSITION, Datum, Model, Quantity};
+pub use predicted::ArcDetail;
 use table::Tables;
-use trial_scores::{Scored, score};
-pub use tried::{GroupDetail, TriedModel};
 
 /// What `gap tracer` found: `gap.json` with a further field `tracer`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -83,35 +79,77 @@ pub struct TracerDetail {
     pub arcs: Vec<ArcDetail>,
 }
 
+/// Where one stability class ends and the next begins.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ClassLimit {
+    /// The class, "A" to "F".
+    pub class: char,
+    /// It begins at this 1/L, 1/m; null for A.
+    pub from_per_m: f64,
+    /// It ends at this 1/L, 1/m; null for F.
+    pub to_per_m: f64,
+}
+
+/// One kind of air.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct GroupDetail {
+    /// "unstable" or "stable".
+    pub group: String,
+    /// Its trials.
+    pub trials: Vec<String>,
+    /// Models of the crosswind-integrated concentration, the most probable first.
+    pub vertical: Vec<TriedModel>,
+    /// Models of the width, the most probable first: of the trials with a deviation of azimuth.
+    pub lateral: Vec<TriedModel>,
+    /// The same of the trials without, or of all where too few measured it.
+    pub lateral_without_azimuth: Vec<TriedModel>,
+}
+
+/// A model that was tried on a group of trials.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TriedModel {
+    /// Its changes; empty for Briggs with the wind as measured.
+    pub mechanisms: Vec<String>,
+    /// Gain of the log score over the base, nats.
+    #[serde(deserialize_with = "number_or_null")]
+    pub delta_log_score: f64,
+    /// Gain of the log evidence over the base, nats.
+    #[serde(deserialize_with = "number_or_null")]
+    pub delta_log_evidence: f64,
+    /// Probability among the models tried.
+    pub probability: f64,
+    /// Gain over the base on trials left out, nats.
+    #[serde(deserialize_with = "number_or_null")]
+    pub held_out_gain: f64,
+    /// Its standard error over trials, nats.
+    #[serde(deserialize_with = "number_or_null")]
+    pub held_out_gain_se: f64,
+    /// Fitted parameters.
+    pub parameters: Vec<Parameter>,
+}
+
 /// Fewest trials of a kind of air for a fit.
 pub const LEAST_TRIALS: usize = 4;
 
-/// Kinds of air by the sign of the Obukhov length.
-const GROUPS: [(&str, f64); 2] = [("unstable", -1.0), ("stable", 1.0)];
+/// Log score at which an effect counts as visible, nats.
+const VISIBLE_NATS: f64 = 20.0;
 
-/// A question: what was tried on it, and what it came to.
-struct Question {
-    scored: Vec<(usize, Scored)>,
-    finding: Finding,
-}
+/// Kinds of air by the sign of the Obukhov length.
+const AIRS: [(&str, f64); 2] = [("unstable", -1.0), ("stable", 1.0)];
 
 /// A kind of air with everything that was tried on it.
 struct Answer<'a> {
     name: &'static str,
-    group: Group<'a>,
-    vertical: Question,
-    lateral: Vec<(Widths, Question)>,
+    trials: Vec<&'a TrialArcs>,
+    /// Of integrals and towers, which there always are, of widths of trials that measured the deviation of azimuth, and
+    /// of widths of the others.
+    findings: [Option<Finding>; 3],
     leftover: Option<Unexplained>,
 }
 
 impl Answer<'_> {
-    fn questions(&self) -> impl Iterator<Item = &Question> {
-        std::iter::once(&self.vertical).chain(self.lateral.iter().map(|l| &l.1))
-    }
-
-    /// The question about widths of that kind.
-    fn lateral_of(&self, widths: Widths) -> Option<&Question> {
-        self.lateral.iter().find(|l| l.0 == widths).map(|l| &l.1)
+    fn findings(&self) -> impl Iterator<Item = &Finding> {
+        self.findings.iter().flatten()
     }
 }
 
@@ -126,15 +164,13 @@ pub fn analyse(
     seed: u64,
     progress: &mut dyn FnMut(f64),
 ) -> Result<TracerReport, GapError> {
-    let (trials, mut notices) = arcs::trials(tables);
-    notices.splice(0..0, tables.notices.iter().cloned());
+    let mut read = checks::read(tables);
+    let trials = &read.trials;
     let mut answers = Vec::new();
-    for (k, (name, sign)) in GROUPS.into_iter().enumerate() {
-        let of_kind = |t: &&TrialArcs| t.weather.obukhov_length_m * sign > 0.0;
-        let chosen: Vec<&TrialArcs> = trials.iter().filter(of_kind).collect();
-        match answer(name, chosen) {
+    for (k, (name, sign)) in AIRS.into_iter().enumerate() {
+        match answer(name, in_air(trials, sign)) {
             Ok(answer) => answers.push(answer),
-            Err(notice) => notices.push(notice),
+            Err(notice) => read.notices.push(notice),
         }
         progress(0.45 + 0.45 * k as f64);
     }
@@ -144,275 +180,256 @@ pub fn analyse(
             problem: format!(
                 "{} trials have wind, Obukhov length and arcs, {} of them whole ones: {}",
                 trials.len(),
-                trials
-                    .iter()
-                    .filter(|t| t.arcs.iter().any(|a| a.whole))
-                    .count(),
+                trials.iter().filter(|t| t.whole().count() > 0).count(),
                 arcs::lacking(tables)
             ),
             expected: format!("at least {LEAST_TRIALS} in unstable or in stable air"),
         });
     }
-    let suspicions = checks::suspicions(&trials);
-    if suspicions.amounts {
-        // The numbers stand; what they are put down to does not.
-        for answer in &mut answers {
-            answer.vertical.finding.causes.clear();
-            let lateral = answer.lateral.iter_mut();
-            lateral.for_each(|l| l.1.finding.causes.clear());
-        }
-    }
-    let arcs = detail::arcs(&answers);
-    let gain = scores::gain(&answers, &arcs, seed)?;
+    let arcs: Vec<ArcDetail> = answers.iter().flat_map(predicted).collect();
+    let logs = answers.iter().flat_map(Answer::findings);
+    let logs: Vec<[f64; 2]> = logs.flat_map(|f| gain::log_scores(&f.scored)).collect();
+    let (gain, _) = gain::gain(&arcs, &logs, seed)?;
     progress(1.0);
-    let roughness_m = trials[0].weather.roughness_m;
-    let (gap, relative_to) = gap_json(&answers, &arcs, gain, notices, suspicions);
-    let report = TracerReport {
-        extended_toml: extension::scenario(&answers),
-        gap,
-        tracer: TracerDetail {
-            class_limits: detail::class_limits(roughness_m),
-            relative_to,
-            roughness_m,
-            groups: answers.iter().map(detail::group).collect(),
-            arcs,
-        },
-    };
-    Ok(report)
-}
-
-/// Tries everything on the trials of one kind of air; a notice where they do not allow it.
-fn answer<'a>(name: &'static str, chosen: Vec<&'a TrialArcs>) -> Result<Answer<'a>, String> {
-    if chosen.len() < LEAST_TRIALS {
-        return Err(format!(
-            "{} trials in {name} air are too few for a fit (at least {LEAST_TRIALS})",
-            chosen.len()
-        ));
-    }
-    let whole = |t: &&&TrialArcs| t.arcs.iter().any(|a| a.whole);
-    let with_whole_arcs = chosen.iter().filter(whole).count();
-    if with_whole_arcs < LEAST_TRIALS {
-        return Err(format!(
-            "{with_whole_arcs} trials in {name} air have an arc in which the plume ends and is \
-             resolved: too few for a fit (at least {LEAST_TRIALS})"
-        ));
-    }
-    let group = Group::new(chosen, LEAST_TRIALS);
-    let impossible = || format!("{name} air: Briggs' spread cannot be fitted to these arcs");
-    let models = VerticalModel::all();
-    let vertical = question(&group, &models, name).ok_or_else(impossible)?;
-    let mut lateral = Vec::new();
-    for widths in [Widths::WithAzimuth, Widths::WithoutAzimuth] {
-        if group.asks(widths) {
-            let asked = question(&group, &LateralModel::all(widths), name);
-            lateral.push((widths, asked.ok_or_else(impossible)?));
-        }
-    }
-    let best = vertical.scored.iter().max_by(|a, b| {
-        let evidence = |s: &Scored| s.fit.log_evidence;
-        evidence(&a.1).total_cmp(&evidence(&b.1))
-    });
-    let leftover = best.and_then(|(m, s)| {
-        let gain = vertical.finding.tried[0].delta_log_evidence;
-        leftover::unexplained(&group, name, (&models[*m], &s.fit), gain)
-    });
-    Ok(Answer {
-        leftover,
-        name,
-        group,
-        vertical,
-        lateral,
-    })
-}
-
-fn question<T: Tried>(group: &Group<'_>, models: &[T], air: &str) -> Option<Question> {
-    let scored = score(group, models);
-    let finding = judge(&scored, air)?;
-    Some(Question { scored, finding })
-}
-
-/// All causes, the strongest first, and the inputs that each is relative to.
-fn causes(answers: &[Answer<'_>]) -> (Vec<Cause>, Vec<Vec<String>>) {
-    let questions = answers.iter().flat_map(Answer::questions);
-    let mut each: Vec<(Cause, Vec<String>)> = questions
-        .flat_map(|q| q.finding.causes.iter().map(|c| (c, &q.finding.relative_to)))
-        .map(|(c, inputs)| (c.clone(), inputs.iter().map(|i| (*i).to_owned()).collect()))
-        .collect();
-    each.sort_by(|a, b| {
-        let nats = |c: &Cause| c.evidence.delta_log_evidence;
-        nats(&b.0).total_cmp(&nats(&a.0))
-    });
-    each.into_iter().unzip()
-}
-
-fn gap_json(
-    answers: &[Answer<'_>],
-    arcs: &[ArcDetail],
-    gain: Gain,
-    mut notices: Vec<String>,
-    suspicions: Suspicions,
-) -> (GapJson, Vec<Vec<String>>) {
-    let (causes, relative_to) = causes(answers);
-    let unexplained = if suspicions.amounts {
-        Some(off_amounts(answers, &suspicions))
-    } else {
-        answers.iter().find_map(|a| a.leftover.clone())
-    };
-    let verdict = Verdict::of(&causes, unexplained.is_some());
-    let mut ranking: Vec<Ranked> = answers.iter().flat_map(ranked).collect();
-    ranking.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
-    let mut summary = detail::summary(answers, &gain);
-    if let Some(u) = &unexplained {
-        let what = if suspicions.amounts {
-            "No cause can be named"
-        } else {
-            "The data deviate from the model, and none of the changes accounts for it"
-        };
-        summary = format!("{what}: {}. {summary}", u.term);
-    }
-    let odd = notices.iter().filter_map(|n| odd_data(n));
-    let data_quality: Vec<DataQuality> = suspicions.flaws.iter().cloned().chain(odd).collect();
-    notices.splice(0..0, suspicions.flaws.into_iter().map(|f| f.message));
-    let json = GapJson {
-        schema: SCHEMA,
-        gas: None,
-        readings: None,
-        verdict,
-        summary,
-        ranking,
-        residual: residual(arcs),
-        gain: Some(gain),
-        detectable: answers.iter().flat_map(detectable).collect(),
-        next_flight: if verdict == Verdict::Ambiguous {
-            next(&causes)
-        } else {
-            None
-        },
-        base: Vec::new(),
-        unexplained,
-        insufficient: None,
-        pairs: Vec::new(),
-        contact: None,
-        discrepancy: None,
-        noise: None,
-        applied: None,
-        data_quality,
-        notices,
-        causes,
-    };
-    (json, relative_to)
-}
-
-/// Amounts off by a factor, as the misfit without a name that they are.
-fn off_amounts(answers: &[Answer<'_>], suspicions: &Suspicions) -> Unexplained {
-    Unexplained {
+    let off = read.amounts.clone().map(|amounts| Unexplained {
         kind: UnexplainedKind::FailedCheck,
         coordinate: "map".into(),
-        term: suspicions
-            .flaws
-            .first()
-            .map_or_else(String::new, |f| f.message.clone()),
+        term: amounts,
         from_s: f64::NAN,
         to_s: f64::NAN,
         platforms: answers.iter().map(|a| a.name.to_owned()).collect(),
         delta_log_evidence: f64::NAN,
         candidates: Vec::new(),
+    });
+    if off.is_some() {
+        // The numbers stand; what they are put down to does not.
+        let findings = answers.iter_mut().flat_map(|a| &mut a.findings);
+        findings.flatten().for_each(|f| f.causes.clear());
     }
+    let (causes, relative_to) = causes(&answers);
+    let found = EarlierTracer {
+        relative_to,
+        groups: answers.iter().map(group).collect(),
+    };
+    let summary = words::summary(&answers, &gain);
+    let mut report = report(&read, found, arcs, gain);
+    report.extended_toml = extension::scenario(&answers);
+    let gap = &mut report.gap;
+    let what = match off {
+        Some(_) => "No cause can be named",
+        None => "The data deviate from the model, and none of the changes accounts for it",
+    };
+    gap.unexplained = off.or_else(|| answers.iter().find_map(|a| a.leftover.clone()));
+    gap.summary = match &gap.unexplained {
+        Some(unexplained) => format!("{what}: {}. {summary}", unexplained.term),
+        None => summary,
+    };
+    gap.verdict = Verdict::of(&causes, gap.unexplained.is_some());
+    gap.next_flight = match gap.verdict {
+        Verdict::Ambiguous => next_trials(&causes),
+        _ => None,
+    };
+    gap.causes = causes;
+    gap.ranking = answers.iter().flat_map(ranked).collect();
+    gap.ranking
+        .sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+    gap.detectable = answers.iter().flat_map(detectable).collect();
+    Ok(report)
 }
 
-/// A notice on implausible corrections is also one on the quality of the data.
-fn odd_data(notice: &str) -> Option<DataQuality> {
-    let trial = notice.strip_prefix("trial ")?.split(':').next()?;
-    notice.contains("implausible").then(|| DataQuality {
-        platform: trial.to_owned(),
-        kind: Flaw::Outlier,
-        from_s: f64::NAN,
-        to_s: f64::NAN,
-        message: notice.to_owned(),
+/// The trials of which the Obukhov length has this sign.
+fn in_air(trials: &[TrialArcs], sign: f64) -> Vec<&TrialArcs> {
+    let is_in = |t: &&TrialArcs| t.weather.obukhov_length_m * sign > 0.0;
+    trials.iter().filter(is_in).collect()
+}
+
+/// Middle value, the upper of two.
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
+}
+
+/// Tries everything on the trials of one kind of air; a notice where they do not allow it.
+///
+/// With fewer than [`LEAST_TRIALS`] trials that measured the deviation of azimuth the widths of all are taken together,
+/// with fewer that did not theirs are not asked.
+fn answer<'a>(name: &'static str, trials: Vec<&'a TrialArcs>) -> Result<Answer<'a>, String> {
+    let count = trials.len();
+    if count < LEAST_TRIALS {
+        return Err(format!(
+            "{count} trials in {name} air are too few for a fit (at least {LEAST_TRIALS})"
+        ));
+    }
+    let whole = trials.iter().filter(|t| t.whole().count() > 0).count();
+    if whole < LEAST_TRIALS {
+        return Err(format!(
+            "{whole} trials in {name} air have an arc in which the plume ends and is resolved: too few for a fit (at \
+             least {LEAST_TRIALS})"
+        ));
+    }
+    let of = |data: &dyn Fn(&TrialArcs) -> Vec<Datum>| Trials {
+        trials: &trials,
+        data: trials.iter().map(|t| data(t)).collect(),
+    };
+    let is_known = |t: &TrialArcs| t.weather.sigma_azimuth_rad.is_some();
+    let known = trials.iter().filter(|t| is_known(t)).count();
+    let (is_enough, are_others) = (known >= LEAST_TRIALS, count - known >= LEAST_TRIALS);
+    let width = |a: &Arc| Datum::new(Quantity::Width, a.width_m, a.distance_m);
+    let widths = |t: &TrialArcs, is_used: bool| t.whole().filter(|_| is_used).map(width).collect();
+    let vertical = of(&vertical_data);
+    let with_azimuth = of(&|t| widths(t, is_enough && is_known(t)));
+    let without = of(&|t| widths(t, !is_enough || (are_others && !is_known(t))));
+    let find = |trials: &Trials<'_>, models: &[Model]| {
+        let impossible = || format!("{name} air: Briggs' spread cannot be fitted to these arcs");
+        if trials.data.iter().all(Vec::is_empty) {
+            return Ok(None);
+        }
+        let finding = findings::judge(trials.score(models), name);
+        finding.ok_or_else(impossible).map(Some)
+    };
+    let findings = [
+        find(&vertical, &Model::vertical())?,
+        find(&with_azimuth, &Model::lateral(true))?,
+        find(&without, &Model::lateral(false))?,
+    ];
+    let leftover = findings[0].as_ref();
+    Ok(Answer {
+        name,
+        leftover: leftover.and_then(|f| findings::leftover(&vertical, &f.scored, name)),
+        findings,
+        trials,
     })
 }
 
-fn ranked(answer: &Answer<'_>) -> Vec<Ranked> {
-    let questions = answer.questions();
-    questions
-        .flat_map(|q| &q.finding.tried)
-        .map(|t| Ranked {
-            mechanisms: t.mechanisms.clone(),
-            platform: Some(answer.name.to_owned()),
-            delta_log_score: t.delta_log_score,
-            log_evidence: t.delta_log_evidence,
-            probability: t.probability,
-        })
-        .collect()
-}
-
-/// Mean of ln(measured/predicted) of arc maxima by kind of air and distance, as standardised
-/// means; concentrations in ppm are not known without the gas.
-fn residual(arcs: &[ArcDetail]) -> Vec<ResidualBin> {
-    let mut bins: Vec<(String, f64, f64, Vec<f64>)> = Vec::new();
-    for arc in arcs {
-        let log = (arc.max_mg_m3 / arc.base_max_mg_m3).ln();
-        let near = |b: &&mut (String, f64, f64, Vec<f64>)| {
-            b.0 == arc.group && (arc.distance_m / b.1 - 1.0).abs() < 0.1
+/// Crosswind integrals of the whole arcs, and vertical spreads at the towers.
+fn vertical_data(trial: &TrialArcs) -> Vec<Datum> {
+    let arcs = trial.whole().map(|a| {
+        let quantity = Quantity::Integral {
+            height_m: a.height_m,
         };
-        match bins.iter_mut().find(near) {
-            Some(bin) => {
-                bin.2 = bin.2.max(arc.distance_m);
-                bin.3.push(log);
-            }
-            None => bins.push((arc.group.clone(), arc.distance_m, arc.distance_m, vec![log])),
-        }
-    }
-    bins.into_iter()
-        .map(|(group, from, to, logs)| {
-            let n = logs.len() as f64;
-            let mean = logs.iter().sum::<f64>() / n;
-            let sd = (logs.iter().map(|l| (l - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt();
-            ResidualBin {
-                coordinate: "along_wind".into(),
-                platform: Some(group),
-                from,
-                to,
-                unit: "m".into(),
-                count: logs.len(),
-                mean_ppm: f64::NAN,
-                standardised: mean / (sd / n.sqrt()),
-            }
-        })
-        .collect()
+        Datum::new(quantity, a.integrated_mg_m2, a.distance_m)
+    });
+    let towers = trial.tower_spreads_m.iter();
+    let towers = towers.map(|(x_m, sigma_m)| Datum::new(Quantity::TowerSpread, *sigma_m, *x_m));
+    arcs.chain(towers).collect()
 }
 
-/// Log score at which an effect counts as visible, nats.
-const VISIBLE_NATS: f64 = 20.0;
+/// The arcs of each trial, predicted from the other trials.
+fn predicted(answer: &Answer<'_>) -> Vec<ArcDetail> {
+    let mut out = Vec::new();
+    for (i, trial) in answer.trials.iter().enumerate() {
+        let models = answer.findings.each_ref().map(|finding| {
+            let scored = finding.as_ref().map_or(&[][..], |f| &f.scored);
+            without(scored, i)
+        });
+        let arcs = trial.arcs.iter();
+        out.extend(arcs.map(|a| predicted::arc(&trial.weather, answer.name, a, &models)));
+    }
+    out
+}
+
+/// All causes, the strongest first, and the inputs that each is relative to.
+fn causes(answers: &[Answer<'_>]) -> (Vec<Cause>, Vec<Vec<String>>) {
+    let mut each: Vec<(Cause, Vec<String>)> = Vec::new();
+    for finding in answers.iter().flat_map(Answer::findings) {
+        let relative_to = &finding.relative_to;
+        each.extend(
+            finding
+                .causes
+                .iter()
+                .map(|c| (c.clone(), relative_to.clone())),
+        );
+    }
+    let nats = |c: &Cause| c.evidence.delta_log_evidence;
+    each.sort_by(|a, b| nats(&b.0).total_cmp(&nats(&a.0)));
+    each.into_iter().unzip()
+}
+
+/// What an analysis and an application report alike.
+fn report(read: &Read, found: EarlierTracer, arcs: Vec<ArcDetail>, gain: Gain) -> TracerReport {
+    let flaws = read.flaws.iter().map(|f| &f.message);
+    let roughness_m = read.trials[0].weather.roughness_m;
+    TracerReport {
+        gap: GapJson {
+            schema: SCHEMA,
+            residual: predicted::residual(&arcs),
+            gain: Some(gain),
+            data_quality: read.flaws.clone(),
+            notices: flaws.chain(&read.notices).cloned().collect(),
+            ..GapJson::default()
+        },
+        tracer: TracerDetail {
+            class_limits: class_limits(roughness_m),
+            relative_to: found.relative_to,
+            roughness_m,
+            groups: found.groups,
+            arcs,
+        },
+        extended_toml: String::new(),
+    }
+}
+
+fn class_limits(roughness_m: f64) -> Vec<ClassLimit> {
+    let limits = Stability::limits_per_m(roughness_m);
+    let limit = |class: &Stability| ClassLimit {
+        class: class.letter(),
+        from_per_m: class.index().checked_sub(1).map_or(f64::NAN, |k| limits[k]),
+        to_per_m: limits.get(class.index()).copied().unwrap_or(f64::NAN),
+    };
+    Stability::ALL.iter().map(limit).collect()
+}
+
+fn group(answer: &Answer<'_>) -> GroupDetail {
+    let tried = |f: &Option<Finding>| f.as_ref().map_or(Vec::new(), |f| f.tried.clone());
+    let [vertical, lateral, lateral_without_azimuth] = answer.findings.each_ref().map(tried);
+    GroupDetail {
+        group: answer.name.to_owned(),
+        trials: answer
+            .trials
+            .iter()
+            .map(|t| t.weather.trial.clone())
+            .collect(),
+        vertical,
+        lateral,
+        lateral_without_azimuth,
+    }
+}
+
+fn ranked(answer: &Answer<'_>) -> Vec<Ranked> {
+    let tried = answer.findings().flat_map(|f| &f.tried);
+    let ranked = tried.map(|t| Ranked {
+        mechanisms: t.mechanisms.clone(),
+        platform: Some(answer.name.to_owned()),
+        delta_log_score: t.delta_log_score,
+        log_evidence: t.delta_log_evidence,
+        probability: t.probability,
+    });
+    ranked.collect()
+}
 
 /// The smallest single vertical changes that would have shown.
 fn detectable(answer: &Answer<'_>) -> Vec<Detectable> {
-    let single = answer.vertical.scored.iter();
-    let single = single.filter(|s| s.1.ids.len() == 1);
-    single
-        .flat_map(|s| {
-            parameters::parameters(&s.1).into_iter().filter(|p| {
-                // Gain = (effect / sd)² / 2.
-                p.mechanism == s.1.ids[0] && p.sd > 0.0
-            })
-        })
-        .map(|p| Detectable {
-            value: (2.0 * VISIBLE_NATS).sqrt() * p.sd,
-            mechanism: p.mechanism,
-            parameter: p.name,
-            unit: p.unit,
-        })
-        .collect()
+    let tried = answer.findings[0].iter().flat_map(|f| &f.tried);
+    let single = tried.filter(|t| t.mechanisms.len() == 1);
+    let own = single.flat_map(|t| {
+        let own = move |p: &&Parameter| p.mechanism == t.mechanisms[0] && p.sd > 0.0;
+        t.parameters.iter().filter(own)
+    });
+    let seen = own.map(|p| Detectable {
+        // Gain = (effect / sd)² / 2.
+        value: (2.0 * VISIBLE_NATS).sqrt() * p.sd,
+        mechanism: p.mechanism.clone(),
+        parameter: p.name.clone(),
+        unit: p.unit.clone(),
+    });
+    seen.collect()
 }
 
 /// What would tell the rivals of a set apart: towers where the arcs are.
-fn next(causes: &[Cause]) -> Option<NextFlight> {
+fn next_trials(causes: &[Cause]) -> Option<NextFlight> {
     let cause = causes.iter().find(|c| c.mechanisms.len() > 1)?;
-    let vertical = cause
-        .mechanisms
-        .iter()
-        .any(|m| m.starts_with("sigma-z") || m == "dry-deposition");
-    let description = if vertical {
+    let is_vertical = |m: &String| m.starts_with("sigma-z") || m == DEPOSITION;
+    let description = if cause.mechanisms.iter().any(is_vertical) {
         "samplers on towers at the farthest arcs: spread changes the profile there, a loss at the \
          ground only its lowest part and its sum; or a tracer that the ground does not take up"
     } else {
@@ -426,4 +443,28 @@ fn next(causes: &[Cause]) -> Option<NextFlight> {
         expected_nats: f64::NAN,
         settles_probability: f64::NAN,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn limits_follow_each_other_and_agree_with_the_classes() {
+        let limits = class_limits(0.006);
+        assert_eq!(limits.len(), 6);
+        for pair in limits.windows(2) {
+            assert!((pair[0].to_per_m - pair[1].from_per_m).abs() < 1e-12);
+            assert!(pair[1].to_per_m.is_nan() || pair[1].to_per_m > pair[1].from_per_m);
+        }
+        let d = &limits[3];
+        assert_eq!(
+            Stability::from_obukhov(1.0 / (d.to_per_m - 1e-6), 0.006),
+            Stability::D
+        );
+        assert_eq!(
+            Stability::from_obukhov(1.0 / (d.to_per_m + 1e-6), 0.006),
+            Stability::E
+        );
+    }
 }

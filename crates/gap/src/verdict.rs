@@ -13,10 +13,11 @@ use crate::applied::Applied;
 pub const SCHEMA: &str = "plumage.gap/2";
 
 /// The answer in one word.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Verdict {
     /// The base and its noise explain the data.
+    #[default]
     None,
     /// Every cause is one mechanism, of a probability of .95 at least.
     Named,
@@ -497,7 +498,7 @@ pub struct Noise {
 }
 
 /// All of `gap.json`.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct GapJson {
     /// [`SCHEMA`].
     pub schema: &'static str,

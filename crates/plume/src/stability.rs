@@ -66,6 +66,16 @@ impl Stability {
     /// 0.001 to 0.5 m (values outside are brought to the nearer end); a length of infinite or
     /// zero size is neutral. The plot has much scatter: one class either way is usual.
     pub fn from_obukhov(obukhov_length_m: f64, roughness_m: f64) -> Self {
+        if !obukhov_length_m.is_finite() || obukhov_length_m == 0.0 {
+            return Stability::D;
+        }
+        let inverse = 1.0 / obukhov_length_m;
+        let limits = Self::limits_per_m(roughness_m);
+        Self::ALL[limits.partition_point(|limit| *limit <= inverse)]
+    }
+
+    /// The inverse Obukhov lengths, 1/m, between A and B, B and C and so on to E and F of [`Stability::from_obukhov`].
+    pub fn limits_per_m(roughness_m: f64) -> [f64; 5] {
         // (a, b) for A to F; D is the neutral line 1/L = 0.
         const LINES: [(f64, f64); 6] = [
             (-0.096, 0.029),
@@ -75,14 +85,9 @@ impl Stability {
             (0.004, -0.018),
             (0.035, -0.036),
         ];
-        if !obukhov_length_m.is_finite() || obukhov_length_m == 0.0 {
-            return Stability::D;
-        }
         let log_z0 = roughness_m.clamp(0.001, 0.5).log10();
-        let inverse = 1.0 / obukhov_length_m;
         let line = |i: usize| LINES[i].0 + LINES[i].1 * log_z0;
-        let class = (0..5).find(|&i| inverse < 0.5 * (line(i) + line(i + 1)));
-        Self::ALL[class.unwrap_or(5)]
+        std::array::from_fn(|i| 0.5 * (line(i) + line(i + 1)))
     }
 }
 

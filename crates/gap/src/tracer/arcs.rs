@@ -2,33 +2,28 @@
 //! so that vertical and lateral causes can be told apart; and the vertical spread at towers.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::f64::consts::{PI, TAU};
 
 use plume::stability::Stability;
 
 use super::table::{Receptor, Tables, Trial};
+use crate::verdict::{DataQuality, Flaw};
 
-/// A trial with the weather that the analysis needs.
+/// A trial's release and weather.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Weather {
     /// Trial.
     pub trial: String,
-    /// Release, mg/s.
     pub release_mg_s: f64,
-    /// Height of the release, m above ground.
+    /// Above ground, as all heights here.
     pub source_height_m: f64,
-    /// Wind speed, m/s, at `wind_height_m`.
     pub wind_speed_m_s: f64,
-    /// Height of the wind speed, m above ground.
     pub wind_height_m: f64,
-    /// Obukhov length, m.
     pub obukhov_length_m: f64,
-    /// Roughness length, m.
     pub roughness_m: f64,
-    /// Mixing height, m.
     pub mixing_height_m: Option<f64>,
-    /// Standard deviation of azimuth, radians.
+    /// Standard deviation of azimuth.
     pub sigma_azimuth_rad: Option<f64>,
-    /// Direction from which the wind blows, degrees.
     pub wind_from_deg: Option<f64>,
     /// Class from Obukhov length and roughness.
     pub class: Stability,
@@ -40,19 +35,18 @@ pub struct Weather {
 /// One arc of one trial.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Arc {
-    /// Distance from the source, m.
     pub distance_m: f64,
-    /// Height of the samplers above ground, m.
+    /// Height of the samplers.
     pub height_m: f64,
     /// Number of samplers with a value.
     pub samplers: usize,
-    /// Direction from the source in which the middle of the plume lies, degrees.
+    /// Direction from the source in which the middle of the plume lies.
     pub bearing_deg: f64,
-    /// Highest concentration, mg/m³.
+    /// Highest concentration.
     pub max_mg_m3: f64,
-    /// Crosswind-integrated concentration, mg/m².
+    /// Crosswind-integrated concentration.
     pub integrated_mg_m2: f64,
-    /// Standard deviation of the distribution across, m.
+    /// Standard deviation of the distribution across.
     pub width_m: f64,
     /// Whether the plume ends inside the arc and is resolved, so that integral and width hold.
     pub whole: bool,
@@ -61,12 +55,18 @@ pub struct Arc {
 /// A trial with its arcs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrialArcs {
-    /// Weather and release.
     pub weather: Weather,
-    /// Arcs by distance.
+    /// By distance.
     pub arcs: Vec<Arc>,
     /// Distance, m, and vertical spread σ_z, m, seen by the towers at each distance.
     pub tower_spreads_m: Vec<(f64, f64)>,
+}
+
+impl TrialArcs {
+    /// The arcs whose integral and width hold.
+    pub fn whole(&self) -> impl Iterator<Item = &Arc> {
+        self.arcs.iter().filter(|a| a.whole)
+    }
 }
 
 /// Samplers on one arc follow each other in distance by less than this part…
@@ -85,48 +85,70 @@ const DEFAULT_ROUGHNESS_M: f64 = 0.03;
 const DEFAULT_WIND_HEIGHT_M: f64 = 2.0;
 /// A sampling correction below this is taken for a slip of the pen.
 const LEAST_CORRECTION: f64 = 0.5;
+/// Roughness lengths that differ by more than this factor have class limits of their own.
+const LARGEST_ROUGHNESS_RATIO: f64 = 1.5;
+/// Most trials that a notice lists.
+const MOST_LISTED: usize = 20;
 
-/// What was odd about samplers, counted over all trials.
-#[derive(Default)]
-struct Oddities {
-    mixed_heights: usize,
-    other_height: usize,
+/// A sampler with a reading.
+#[derive(Debug, Clone, Copy)]
+struct Point {
+    x_m: f64,
+    azimuth_rad: f64,
+    height_m: f64,
+    /// Corrected for the sampling loss.
+    mg_m3: f64,
 }
 
-fn by_trial(rows: &[Receptor]) -> BTreeMap<&str, Vec<Receptor>> {
-    let mut map: BTreeMap<&str, Vec<Receptor>> = BTreeMap::new();
+fn by_trial(rows: &[Receptor]) -> BTreeMap<&str, Vec<&Receptor>> {
+    let mut map: BTreeMap<&str, Vec<&Receptor>> = BTreeMap::new();
     for row in rows {
-        map.entry(&row.trial).or_default().push(row.clone());
+        map.entry(&row.trial).or_default().push(row);
     }
     map
 }
 
-/// The trials with weather, their arcs and towers, and what was left out and why.
-pub fn trials(tables: &Tables) -> (Vec<TrialArcs>, Vec<String>) {
-    let mut notices = table_notices(tables);
+/// The trials with weather, their arcs and towers, samplers that are odd, and what a user should know besides.
+pub fn trials(tables: &Tables) -> (Vec<TrialArcs>, Vec<DataQuality>, Vec<String>) {
+    let mut notices = tables.notices.clone();
+    let mut odd = Vec::new();
+    notices.extend(table_notices(tables));
     let (receptors, towers) = (by_trial(&tables.receptors), by_trial(&tables.towers));
-    let mut out = Vec::new();
+    let mut trials = Vec::new();
     let mut without = Vec::new();
-    let mut odd = Oddities::default();
+    let (mut mixed_heights, mut other_height) = (0, 0);
     for trial in &tables.trials {
+        let name = trial.trial.as_str();
         let Some(weather) = weather(trial) else {
-            without.push(trial.trial.as_str());
+            without.push(name);
             continue;
         };
-        let Some(rows) = receptors.get(trial.trial.as_str()) else {
-            notices.push(format!("trial {}: no receptors", trial.trial));
+        let Some(rows) = receptors.get(name) else {
+            notices.push(format!("trial {name}: no receptors"));
             continue;
         };
-        let arcs = arcs(&trial.trial, rows, &mut odd, &mut notices);
-        let factor = middle_factor(rows);
-        let tower_spreads_m = towers
-            .get(trial.trial.as_str())
-            .map_or_else(Vec::new, |t| tower_spreads(t, factor));
+        let usual = middle_factor(rows);
+        let mut arcs = Vec::new();
+        let points = corrected(name, rows, usual, &mut odd);
+        let usual_m = shared_height_m(&points);
+        for points in split(&points) {
+            let level = of_one_height(points, usual_m);
+            mixed_heights += usize::from(level.len() < points.len());
+            other_height += points.len() - level.len();
+            match arc(&level) {
+                Some(arc) => arcs.push(arc),
+                None => notices.push(format!(
+                    "trial {name}: nothing detected on the arc at {:.0} m",
+                    points[0].x_m
+                )),
+            }
+        }
         if !arcs.is_empty() {
-            out.push(TrialArcs {
+            let towers = towers.get(name).map_or(&[][..], Vec::as_slice);
+            trials.push(TrialArcs {
                 weather,
                 arcs,
-                tower_spreads_m,
+                tower_spreads_m: tower_spreads(towers, usual),
             });
         }
     }
@@ -137,24 +159,33 @@ pub fn trials(tables: &Tables) -> (Vec<TrialArcs>, Vec<String>) {
             listed(&without)
         ));
     }
-    if odd.mixed_heights > 0 {
+    if mixed_heights > 0 {
         notices.push(format!(
-            "on {} arcs samplers stand at several heights: the height with the most detections is used, and {} \
-             samplers at others are ignored",
-            odd.mixed_heights, odd.other_height
+            "on {mixed_heights} arcs samplers stand at several heights: the height with the most detections is used, \
+             and {other_height} samplers at others are ignored"
         ));
     }
-    (out, notices)
+    (trials, odd, notices)
+}
+
+/// A flaw without a stretch of time.
+pub fn flaw(platform: &str, kind: Flaw, message: String) -> DataQuality {
+    DataQuality {
+        platform: platform.to_owned(),
+        kind,
+        from_s: f64::NAN,
+        to_s: f64::NAN,
+        message,
+    }
 }
 
 /// The first names, and how many more.
-pub(super) fn listed(names: &[&str]) -> String {
-    const MOST: usize = 20;
-    let mut text = names[..names.len().min(MOST)].join(", ");
-    if names.len() > MOST {
-        text.push_str(&format!(" and {} more", names.len() - MOST));
+pub fn listed(names: &[&str]) -> String {
+    let text = names[..names.len().min(MOST_LISTED)].join(", ");
+    match names.len().saturating_sub(MOST_LISTED) {
+        0 => text,
+        more => format!("{text} and {more} more"),
     }
-    text
 }
 
 /// What the tables lack or have twice.
@@ -162,17 +193,14 @@ fn table_notices(tables: &Tables) -> Vec<String> {
     let mut notices = Vec::new();
     let known: BTreeSet<&str> = tables.trials.iter().map(|t| t.trial.as_str()).collect();
     for (what, rows) in [("receptors", &tables.receptors), ("towers", &tables.towers)] {
-        let strange = |r: &&Receptor| !known.contains(r.trial.as_str());
-        let names: BTreeSet<&str> = rows
-            .iter()
-            .filter(strange)
-            .map(|r| r.trial.as_str())
-            .collect();
-        if !names.is_empty() {
+        let names = rows.iter().map(|r| r.trial.as_str());
+        let strange: Vec<&str> = names.filter(|n| !known.contains(n)).collect();
+        if !strange.is_empty() {
+            let distinct: BTreeSet<&str> = strange.iter().copied().collect();
             notices.push(format!(
                 "{} rows of the {what} are ignored, since the table of trials lacks their trials: {}",
-                rows.iter().filter(strange).count(),
-                listed(&names.into_iter().collect::<Vec<_>>())
+                strange.len(),
+                listed(&distinct.into_iter().collect::<Vec<_>>())
             ));
         }
         let place = |r: &Receptor| {
@@ -197,18 +225,16 @@ fn table_notices(tables: &Tables) -> Vec<String> {
     }
     let roughness_m = tables.trials.iter().filter_map(|t| t.roughness_length_m);
     let (low, high) = roughness_m.fold((f64::MAX, 0.0_f64), |r, z| (r.0.min(z), r.1.max(z)));
-    if high > 1.5 * low {
+    if high > LARGEST_ROUGHNESS_RATIO * low {
         notices.push(format!(
             "roughness lengths go from {low} to {high} m: each trial has its own class limits, of which the \
              first are shown"
         ));
     }
     let height = lacking(&|t| t.wind_height_m.is_some() || t.wind_speed_m_s.is_none());
-    if height > 0 {
-        notices.push(format!(
-            "{height} trials have no wind_height_m: {DEFAULT_WIND_HEIGHT_M} m is assumed"
-        ));
-    }
+    notices.extend((height > 0).then(|| {
+        format!("{height} trials have no wind_height_m: {DEFAULT_WIND_HEIGHT_M} m is assumed")
+    }));
     notices
 }
 
@@ -216,6 +242,11 @@ fn table_notices(tables: &Tables) -> Vec<String> {
 pub fn lacking(tables: &Tables) -> String {
     let receptors = by_trial(&tables.receptors);
     let count = |which: &dyn Fn(&Trial) -> bool| tables.trials.iter().filter(|t| which(t)).count();
+    let reads = |t: &Trial| {
+        let rows = receptors.get(t.trial.as_str());
+        let read = |r: &&Receptor| r.concentration_mg_m3.is_some_and(|c| c > 0.0);
+        rows.is_some_and(|rows| rows.iter().any(read))
+    };
     format!(
         "of {} trials {} have no wind_speed_m_s, {} no obukhov_length_m, {} no receptors under their \
          name, and {} a reading above 0",
@@ -223,11 +254,7 @@ pub fn lacking(tables: &Tables) -> String {
         count(&|t| t.wind_speed_m_s.is_none()),
         count(&|t| t.obukhov_length_m.is_none_or(|l| l == 0.0)),
         count(&|t| !receptors.contains_key(t.trial.as_str())),
-        count(&|t| {
-            let rows = receptors.get(t.trial.as_str());
-            let read = |r: &Receptor| r.concentration_mg_m3.is_some_and(|c| c > 0.0);
-            rows.is_some_and(|rows| rows.iter().any(read))
-        }),
+        count(&reads),
     )
 }
 
@@ -250,27 +277,8 @@ fn weather(trial: &Trial) -> Option<Weather> {
     })
 }
 
-/// The limits of 1/L, 1/m, between A and B, B and C and so on to E and F, by bisection on the
-/// classification itself.
-pub fn class_limits_per_m(roughness_m: f64) -> [f64; 5] {
-    let mut limits = [0.0; 5];
-    for (limit, next) in limits.iter_mut().zip(&Stability::ALL[1..]) {
-        let (mut low, mut high) = (-1.0, 1.0);
-        for _ in 0..60 {
-            let middle = 0.5 * (low + high);
-            if Stability::from_obukhov(1.0 / middle, roughness_m) < *next {
-                low = middle;
-            } else {
-                high = middle;
-            }
-        }
-        *limit = 0.5 * (low + high);
-    }
-    limits
-}
-
 fn class_position(obukhov_length_m: f64, roughness_m: f64) -> f64 {
-    let limits = class_limits_per_m(roughness_m);
+    let limits = Stability::limits_per_m(roughness_m);
     let inverse = 1.0 / obukhov_length_m;
     // The pair of limits about 1/L, or the nearest pair beyond the ends.
     let upper = limits
@@ -281,64 +289,83 @@ fn class_position(obukhov_length_m: f64, roughness_m: f64) -> f64 {
 }
 
 /// Median of the plausible sampling corrections of a trial; 1 where none is known.
-fn middle_factor(rows: &[Receptor]) -> f64 {
-    let mut factors: Vec<f64> = rows
-        .iter()
-        .filter_map(|r| r.evaporation_factor)
-        .filter(|f| *f >= LEAST_CORRECTION)
-        .collect();
-    factors.sort_by(f64::total_cmp);
-    factors.get(factors.len() / 2).copied().unwrap_or(1.0)
+fn middle_factor(rows: &[&Receptor]) -> f64 {
+    let factors = rows.iter().filter_map(|r| r.evaporation_factor);
+    let plausible = factors.filter(|f| *f >= LEAST_CORRECTION);
+    super::median(plausible.collect()).unwrap_or(1.0)
 }
 
-fn arcs(trial: &str, rows: &[Receptor], odd: &mut Oddities, notices: &mut Vec<String>) -> Vec<Arc> {
-    let mut points = corrected(trial, rows, notices);
-    let usual_m = shared_height_m(&points);
-    points.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    let mut arcs = Vec::new();
-    let mut start = 0;
-    for end in 1..=points.len() {
-        let same = end < points.len()
-            && points[end][0] <= points[end - 1][0] * (1.0 + ARC_STEP)
-            && points[end][0] <= points[start][0] * (1.0 + ARC_SPAN);
-        if same {
-            continue;
-        }
-        let level = of_one_height(&points[start..end], usual_m);
-        if level.len() < end - start {
-            odd.mixed_heights += 1;
-            odd.other_height += end - start - level.len();
-        }
-        match arc(&level) {
-            Some(arc) => arcs.push(arc),
-            None => notices.push(format!(
-                "trial {trial}: nothing detected on the arc at {:.0} m",
-                points[start][0]
-            )),
-        }
-        start = end;
+/// Samplers with a reading, by distance; `usual` is the factor of those without a plausible one.
+fn corrected(
+    trial: &str,
+    rows: &[&Receptor],
+    usual: f64,
+    flaws: &mut Vec<DataQuality>,
+) -> Vec<Point> {
+    let plausible = |r: &Receptor| r.evaporation_factor.filter(|f| *f >= LEAST_CORRECTION);
+    let is_odd = |r: &Receptor| plausible(r) != r.evaporation_factor;
+    let read = rows.iter().filter(|r| r.concentration_mg_m3.is_some());
+    let odd = read.filter(|r| is_odd(r)).count();
+    if odd > 0 {
+        let message = format!(
+            "trial {trial}: {odd} sampling corrections below {LEAST_CORRECTION} are implausible; \
+             the trial's median {usual} is used instead"
+        );
+        flaws.push(flaw(trial, Flaw::Outlier, message));
     }
-    arcs
+    points(rows, |r| plausible(r).unwrap_or(usual))
 }
 
-fn at_height(points: &[[f64; 4]], height_m: f64) -> Vec<[f64; 4]> {
-    let near = |p: &&[f64; 4]| (p[2] - height_m).abs() <= HEIGHT_TOLERANCE_M;
+/// Samplers with a reading, by distance.
+fn points(rows: &[&Receptor], factor: impl Fn(&Receptor) -> f64) -> Vec<Point> {
+    let point = |r: &&Receptor| {
+        Some(Point {
+            x_m: r.east_m.hypot(r.north_m),
+            azimuth_rad: r.east_m.atan2(r.north_m),
+            height_m: r.height_agl_m,
+            mg_m3: factor(r) * r.concentration_mg_m3?,
+        })
+    };
+    let mut points: Vec<Point> = rows.iter().filter_map(point).collect();
+    points.sort_by(|a, b| a.x_m.total_cmp(&b.x_m));
+    points
+}
+
+/// The samplers of each arc.
+fn split(points: &[Point]) -> Vec<&[Point]> {
+    let mut first_m = None;
+    let same = |a: &Point, b: &Point| {
+        let start = *first_m.get_or_insert(a.x_m);
+        let same = b.x_m <= a.x_m * (1.0 + ARC_STEP) && b.x_m <= start * (1.0 + ARC_SPAN);
+        if !same {
+            first_m = None;
+        }
+        same
+    };
+    points.chunk_by(same).collect()
+}
+
+fn at_height(points: &[Point], height_m: f64) -> Vec<Point> {
+    let near = |p: &&Point| (p.height_m - height_m).abs() <= HEIGHT_TOLERANCE_M;
     points.iter().filter(near).copied().collect()
 }
 
 /// The height at which most samplers read something, the lowest of several.
-fn shared_height_m(points: &[[f64; 4]]) -> f64 {
-    let mut heights: Vec<f64> = points.iter().map(|p| p[2]).collect();
+fn shared_height_m(points: &[Point]) -> f64 {
+    let mut heights: Vec<f64> = points.iter().map(|p| p.height_m).collect();
     heights.sort_by(f64::total_cmp);
     heights.dedup();
-    let readings = |h: f64| at_height(points, h).iter().filter(|p| p[3] > 0.0).count();
+    let readings = |h: f64| {
+        let level = at_height(points, h);
+        level.iter().filter(|p| p.mg_m3 > 0.0).count()
+    };
     // Of equal counts the last is the maximum: from above.
     let most = heights.into_iter().rev().max_by_key(|h| readings(*h));
     most.unwrap_or(f64::NAN)
 }
 
 /// The samplers of an arc at one height: that of most of the trial, or of most of the arc.
-fn of_one_height(points: &[[f64; 4]], usual_m: f64) -> Vec<[f64; 4]> {
+fn of_one_height(points: &[Point], usual_m: f64) -> Vec<Point> {
     let usual = at_height(points, usual_m);
     if 2 * usual.len() >= LEAST_INSIDE.max(points.len() / 2) {
         usual
@@ -347,137 +374,83 @@ fn of_one_height(points: &[[f64; 4]], usual_m: f64) -> Vec<[f64; 4]> {
     }
 }
 
-/// Samplers with a reading: distance, m, azimuth, radians, height, m, and concentration, mg/m³,
-/// corrected for the sampling loss.
-fn corrected(trial: &str, rows: &[Receptor], notices: &mut Vec<String>) -> Vec<[f64; 4]> {
-    let usual = middle_factor(rows);
-    let mut odd = 0;
-    let mut points: Vec<[f64; 4]> = Vec::new();
-    for row in rows {
-        let Some(concentration) = row.concentration_mg_m3 else {
-            continue;
-        };
-        let factor = match row.evaporation_factor {
-            Some(f) if f >= LEAST_CORRECTION => f,
-            Some(_) => {
-                odd += 1;
-                usual
-            }
-            None => usual,
-        };
-        let azimuth = row.east_m.atan2(row.north_m);
-        let distance = row.east_m.hypot(row.north_m);
-        points.push([distance, azimuth, row.height_agl_m, concentration * factor]);
-    }
-    if odd > 0 {
-        notices.push(format!(
-            "trial {trial}: {odd} sampling corrections below {LEAST_CORRECTION} are implausible; \
-             the trial's median {usual} is used instead"
-        ));
-    }
-    points
+fn mean(points: &[Point], of: impl Fn(&Point) -> f64) -> f64 {
+    points.iter().map(of).sum::<f64>() / points.len() as f64
 }
 
-fn arc(points: &[[f64; 4]]) -> Option<Arc> {
-    let count = points.len() as f64;
-    let distance_m = points.iter().map(|p| p[0]).sum::<f64>() / count;
-    let height_m = points.iter().map(|p| p[2]).sum::<f64>() / count;
-    // Azimuths about the plume's own direction, so that an arc may cross north.
-    let (sin, cos) = points.iter().fold((0.0, 0.0), |s, p| {
-        (s.0 + p[3] * p[1].sin(), s.1 + p[3] * p[1].cos())
+/// The direction of the mean of unit vectors with these azimuths and weights, radians.
+pub fn mean_azimuth(of: impl Iterator<Item = (f64, f64)>) -> f64 {
+    let (sin, cos) = of.fold((0.0, 0.0), |s, (azimuth, weight)| {
+        (s.0 + weight * azimuth.sin(), s.1 + weight * azimuth.cos())
     });
-    let middle = sin.atan2(cos);
-    let wrap = |a: f64| (a + 3.0 * std::f64::consts::PI).rem_euclid(std::f64::consts::TAU);
-    let mut across: Vec<(f64, f64)> = points
-        .iter()
-        .map(|p| {
-            (
-                distance_m * (wrap(p[1] - middle) - std::f64::consts::PI),
-                p[3],
-            )
-        })
-        .collect();
+    sin.atan2(cos)
+}
+
+fn arc(points: &[Point]) -> Option<Arc> {
+    let distance_m = mean(points, |p| p.x_m);
+    // Azimuths about the plume's own direction, so that an arc may cross north.
+    let middle = mean_azimuth(points.iter().map(|p| (p.azimuth_rad, p.mg_m3)));
+    let wrap = |a: f64| (a + 3.0 * PI).rem_euclid(TAU) - PI;
+    let place = |p: &Point| (distance_m * wrap(p.azimuth_rad - middle), p.mg_m3);
+    let mut across: Vec<(f64, f64)> = points.iter().map(place).collect();
     across.sort_by(|a, b| a.0.total_cmp(&b.0));
     let max_mg_m3 = across.iter().map(|p| p.1).fold(0.0, f64::max);
     if max_mg_m3 <= 0.0 {
         return None;
     }
-    // Trapezoids for the moments of the distribution across.
-    let moment = |power: i32, about: f64| -> f64 {
-        let f = |p: &(f64, f64)| p.1 * (p.0 - about).powi(power);
-        across
-            .windows(2)
-            .map(|w| 0.5 * (f(&w[0]) + f(&w[1])) * (w[1].0 - w[0].0))
-            .sum()
-    };
+    let moment = |power: i32, about: f64| integral(&across, |y| (y - about).powi(power));
     let integrated_mg_m2 = moment(0, 0.0);
-    let mean = moment(1, 0.0) / integrated_mg_m2;
-    let width_m = (moment(2, mean) / integrated_mg_m2).max(0.0).sqrt();
+    let mean_m = moment(1, 0.0) / integrated_mg_m2;
+    let width_m = (moment(2, mean_m) / integrated_mg_m2).max(0.0).sqrt();
     let ends = across[0].1.max(across[across.len() - 1].1);
     let inside = across.iter().filter(|p| p.1 > 0.1 * max_mg_m3).count();
-    let whole = integrated_mg_m2 > 0.0
-        && width_m > 0.0
-        && ends < CUT_OFF * max_mg_m3
-        && inside >= LEAST_INSIDE;
-    let samplers = across.len();
     Some(Arc {
         distance_m,
-        height_m,
-        samplers,
+        height_m: mean(points, |p| p.height_m),
+        samplers: points.len(),
         bearing_deg: middle.to_degrees(),
         max_mg_m3,
         integrated_mg_m2,
         width_m,
-        whole,
+        whole: integrated_mg_m2 > 0.0
+            && width_m > 0.0
+            && ends < CUT_OFF * max_mg_m3
+            && inside >= LEAST_INSIDE,
     })
 }
 
-/// Distance and σ_z, m, for the towers at each distance that show it.
-fn tower_spreads(rows: &[Receptor], factor: f64) -> Vec<(f64, f64)> {
-    let mut read: Vec<[f64; 3]> = rows
-        .iter()
-        .filter_map(|r| {
-            let distance_m = r.east_m.hypot(r.north_m);
-            Some([distance_m, r.height_agl_m, factor * r.concentration_mg_m3?])
-        })
-        .collect();
-    read.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    read.chunk_by(|a, b| b[0] <= a[0] * (1.0 + ARC_STEP))
-        .filter_map(tower_spread)
-        .collect()
+/// Integral over (place, value) of the value times a function of the place, by trapezoids.
+fn integral(profile: &[(f64, f64)], factor: impl Fn(f64) -> f64) -> f64 {
+    let at = |p: &(f64, f64)| p.1 * factor(p.0);
+    let step = |w: &[(f64, f64)]| 0.5 * (at(&w[0]) + at(&w[1])) * (w[1].0 - w[0].0);
+    profile.windows(2).map(step).sum()
 }
 
-/// Mean distance and σ_z, m, of a plume from the ground at towers, from samplers' distances, heights
-/// and concentrations: the second moment of the profile summed over the towers; the profile below
-/// the lowest sampler is that of the lowest. `None` where the plume reaches above the towers or too
-/// few heights saw it.
-fn tower_spread(rows: &[[f64; 3]]) -> Option<(f64, f64)> {
-    let mut levels: Vec<(f64, f64, usize)> = Vec::new();
-    for &[_, height_m, c] in rows {
-        match levels.iter_mut().find(|l| (l.0 - height_m).abs() < 0.01) {
-            Some(level) => {
-                level.1 += c;
-                level.2 += 1;
-            }
-            None => levels.push((height_m, c, 1)),
-        }
-    }
-    levels.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let profile: Vec<(f64, f64)> = levels.iter().map(|l| (l.0, l.1 / l.2 as f64)).collect();
+/// Distance and σ_z, m, for the towers at each distance that show it.
+fn tower_spreads(rows: &[&Receptor], factor: f64) -> Vec<(f64, f64)> {
+    let points = points(rows, |_| factor);
+    let rings = points.chunk_by(|a, b| b.x_m <= a.x_m * (1.0 + ARC_STEP));
+    rings.filter_map(tower_spread).collect()
+}
+
+/// Mean distance and σ_z, m, of a plume from the ground at towers: the second moment of the profile summed over the
+/// towers; the profile below the lowest sampler is that of the lowest. None where the plume reaches above the towers or
+/// too few heights saw it.
+fn tower_spread(points: &[Point]) -> Option<(f64, f64)> {
+    let mut sorted = points.to_vec();
+    sorted.sort_by(|a, b| a.height_m.total_cmp(&b.height_m));
+    let levels = sorted.chunk_by(|a, b| b.height_m - a.height_m < 0.01);
+    let level = |l: &[Point]| (l[0].height_m, mean(l, |p| p.mg_m3));
+    let profile: Vec<(f64, f64)> = levels.map(level).collect();
     let (first, last) = (profile.first()?, profile.last()?);
     let highest = profile.iter().map(|p| p.1).fold(0.0, f64::max);
     let seen = profile.iter().filter(|p| p.1 > 0.0).count();
     if profile.len() < 5 || seen < 4 || last.1 > 0.05 * highest || first.1 < 0.3 * highest {
         return None;
     }
-    let mut sums = (first.1 * first.0, first.1 * first.0.powi(3) / 3.0);
-    for w in profile.windows(2) {
-        let step = w[1].0 - w[0].0;
-        sums.0 += 0.5 * (w[0].1 + w[1].1) * step;
-        sums.1 += 0.5 * (w[0].1 * w[0].0.powi(2) + w[1].1 * w[1].0.powi(2)) * step;
-    }
-    let distance_m = rows.iter().map(|r| r[0]).sum::<f64>() / rows.len() as f64;
-    Some((distance_m, (sums.1 / sums.0).sqrt()))
+    let sum = first.1 * first.0 + integral(&profile, |_| 1.0);
+    let square = first.1 * first.0.powi(3) / 3.0 + integral(&profile, |z| z * z);
+    Some((mean(points, |p| p.x_m), (square / sum).sqrt()))
 }
 
 #[cfg(test)]
@@ -498,12 +471,17 @@ mod tests {
         assert!((class_position(1e6, 0.006) - 3.0).abs() < 0.03);
     }
 
-    fn fan(c: impl Fn(f64) -> f64) -> Vec<[f64; 4]> {
+    fn fan(c: impl Fn(f64) -> f64) -> Vec<Point> {
         // Samplers every 2 degrees from 290 to 70 degrees, crossing north, at 100 m.
         (-35..=35)
             .map(|k| {
-                let azimuth = (2.0 * f64::from(k)).to_radians();
-                [100.0, azimuth, 1.5, c(100.0 * azimuth)]
+                let azimuth_rad = (2.0 * f64::from(k)).to_radians();
+                Point {
+                    x_m: 100.0,
+                    azimuth_rad,
+                    height_m: 1.5,
+                    mg_m3: c(100.0 * azimuth_rad),
+                }
             })
             .collect()
     }
@@ -539,7 +517,7 @@ mod tests {
             })
         };
         let rows: Vec<Receptor> = ring(100.0, 5.0).chain(ring(50.0, 3.0)).collect();
-        let spreads = tower_spreads(&rows, 1.0);
+        let spreads = tower_spreads(&rows.iter().collect::<Vec<_>>(), 1.0);
         for ((distance_m, sigma_m), [x, sigma]) in spreads.iter().zip([[50.0, 3.0], [100.0, 5.0]]) {
             assert!((distance_m - x).abs() < 1e-9, "{spreads:?}");
             assert!((sigma_m / sigma - 1.0).abs() < 0.01, "{spreads:?}");

@@ -1,8 +1,12 @@
 //! What looks wrong with the tables as a whole before anything is fitted: amounts that are off
 //! by a factor, and plumes that lie elsewhere than the wind blows.
 
-use super::arcs::{Arc, TrialArcs, Weather};
-use super::model;
+use formats::number::significant;
+
+use super::arcs::{self, TrialArcs, flaw, mean_azimuth};
+use super::median;
+use super::predicted::{ArcDetail, Models, arc};
+use super::table::Tables;
 use crate::verdict::{DataQuality, Flaw};
 
 /// Measured over predicted, in the middle of all arcs, that no spread explains: Briggs' curves
@@ -18,66 +22,53 @@ const LEAST_AZIMUTH_DEG: f64 = 1.0;
 /// Obukhov lengths below this in the middle look like their inverse, m.
 const LEAST_OBUKHOV_M: f64 = 1.0;
 
-/// What looks wrong.
-pub(super) struct Suspicions {
-    /// The flaws, those of amounts first.
+/// What the tables hold.
+pub struct Read {
+    /// The trials with weather, their arcs and towers.
+    pub trials: Vec<TrialArcs>,
+    /// Amounts that are off so far that no cause can be named.
+    pub amounts: Option<String>,
+    /// Flaws of the tables, those of all trials first.
     pub flaws: Vec<DataQuality>,
-    /// Whether amounts are off so far that no cause can be named.
-    pub amounts: bool,
+    /// What a user should know besides.
+    pub notices: Vec<String>,
 }
 
-/// Looks at all trials.
-pub(super) fn suspicions(trials: &[TrialArcs]) -> Suspicions {
-    let amounts = amounts(trials);
-    let is_off = amounts.is_some();
-    let others = [direction(trials), small_numbers(trials)];
-    let messages = amounts.into_iter().chain(others.into_iter().flatten());
-    Suspicions {
-        flaws: messages.map(unit).collect(),
-        amounts: is_off,
+/// Reads the trials and what looks wrong with them.
+pub fn read(tables: &Tables) -> Read {
+    let (trials, odd, notices) = arcs::trials(tables);
+    let amounts = amounts(&trials);
+    let messages = [amounts.clone(), direction(&trials), small_numbers(&trials)];
+    let unit = |message| flaw("all trials", Flaw::Unit, message);
+    Read {
+        flaws: messages
+            .into_iter()
+            .flatten()
+            .map(unit)
+            .chain(odd)
+            .collect(),
+        trials,
+        amounts,
+        notices,
     }
-}
-
-fn unit(message: String) -> DataQuality {
-    DataQuality {
-        platform: "all trials".into(),
-        kind: Flaw::Unit,
-        from_s: f64::NAN,
-        to_s: f64::NAN,
-        message,
-    }
-}
-
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
 }
 
 fn amounts(trials: &[TrialArcs]) -> Option<String> {
-    let all = || {
-        trials
-            .iter()
-            .flat_map(|t| t.arcs.iter().map(|a| (&t.weather, a)))
-    };
-    let log_ratio =
-        |(w, a): (&Weather, &Arc)| a.integrated_mg_m2.ln() - model::log_integrated(w, a, &[], &[]);
-    let off = median(all().filter(|(_, a)| a.whole).map(log_ratio).collect())?;
-    let near = |(w, a): &(&Weather, &Arc)| {
-        let width = model::log_width(w, a.distance_m, &[], &[]).unwrap_or(f64::NAN);
-        let peak = model::log_peak(model::log_integrated(w, a, &[], &[]), width);
-        (a.max_mg_m3.ln() - peak).abs() <= 2.0_f64.ln()
-    };
-    let fac2 = all().filter(near).count() as f64 / all().count() as f64;
+    let none = Models::default();
+    let arcs = trials
+        .iter()
+        .flat_map(|t| t.arcs.iter().map(|a| arc(&t.weather, "", a, &none)));
+    let arcs: Vec<_> = arcs.collect();
+    let whole = arcs.iter().filter(|a| a.whole);
+    let ln_ratios = whole.map(|a| (a.integrated_mg_m2 / a.base_integrated_mg_m2).ln());
+    let off = median(ln_ratios.collect())?;
+    let ln_off = |a: &&ArcDetail| (a.max_mg_m3 / a.base_max_mg_m3).ln();
+    let near = arcs.iter().filter(|a| ln_off(a).abs() <= 2.0_f64.ln());
+    let fac2 = near.count() as f64 / arcs.len() as f64;
     if off.abs() <= LARGEST_FACTOR.ln() && fac2 >= LEAST_FAC2 {
         return None;
     }
-    let factor = match off.exp() {
-        f if f > 1e6 => "over a million".to_owned(),
-        f if f >= 100.0 => format!("{f:.0}"),
-        f if f >= 0.01 => format!("{f:.2}"),
-        f if f >= 1e-6 => format!("{f:.6}"),
-        _ => "less than a millionth".to_owned(),
-    };
+    let factor = significant(off.exp());
     Some(format!(
         "measured crosswind integrals are {factor} times what Briggs' plume gives in the median of all arcs, and \
          a fraction of {fac2:.2} of the arc maxima is within a factor of two: no spread explains this. Check the \
@@ -93,10 +84,12 @@ fn turn_deg(from: f64, to: f64) -> f64 {
 
 fn direction(trials: &[TrialArcs]) -> Option<String> {
     // (where the wind blows, where the plume lies), degrees.
-    let pairs: Vec<(f64, f64)> = trials
-        .iter()
-        .filter_map(|t| Some((t.weather.wind_from_deg? + 180.0, bearing_deg(&t.arcs))))
-        .collect();
+    let pair = |t: &TrialArcs| {
+        let bearings = t.arcs.iter().map(|a| (a.bearing_deg.to_radians(), 1.0));
+        let lies = mean_azimuth(bearings).to_degrees();
+        Some((t.weather.wind_from_deg? + 180.0, lies))
+    };
+    let pairs: Vec<(f64, f64)> = trials.iter().filter_map(pair).collect();
     let most = |agree: &dyn Fn(&(f64, f64)) -> bool| {
         2 * pairs.iter().filter(|p| agree(p)).count() > pairs.len()
     };
@@ -118,25 +111,15 @@ fn direction(trials: &[TrialArcs]) -> Option<String> {
     ))
 }
 
-/// The mean direction in which a trial's maxima lie, degrees.
-fn bearing_deg(arcs: &[Arc]) -> f64 {
-    let (sin, cos) = arcs.iter().fold((0.0, 0.0), |s, a| {
-        let azimuth = a.bearing_deg.to_radians();
-        (s.0 + azimuth.sin(), s.1 + azimuth.cos())
-    });
-    sin.atan2(cos).to_degrees()
-}
-
 fn small_numbers(trials: &[TrialArcs]) -> Option<String> {
     let weather = || trials.iter().map(|t| &t.weather);
     let azimuth = median(weather().filter_map(|w| w.sigma_azimuth_rad).collect());
-    if azimuth.is_some_and(|a| a.to_degrees() < LEAST_AZIMUTH_DEG) {
-        return Some(
-            "sigma_azimuth_deg is below 1 degree in most trials; it looks like radians".into(),
-        );
-    }
     let length = median(weather().map(|w| w.obukhov_length_m.abs()).collect());
-    length
-        .is_some_and(|l| l < LEAST_OBUKHOV_M)
-        .then(|| "obukhov_length_m is below 1 m in most trials; it looks like its inverse".into())
+    if azimuth.is_some_and(|a| a.to_degrees() < LEAST_AZIMUTH_DEG) {
+        Some("sigma_azimuth_deg is below 1 degree in most trials; it looks like radians".into())
+    } else if length.is_some_and(|l| l < LEAST_OBUKHOV_M) {
+        Some("obukhov_length_m is below 1 m in most trials; it looks like its inverse".into())
+    } else {
+        None
+    }
 }

@@ -1,169 +1,140 @@
-//! From scored models to causes: which changes the data ask for, which they cannot tell apart,
-//! and how sure that is over trials.
+//! From scored models to causes: which changes the data ask for, which they cannot tell apart, how sure that is over
+//! trials, and what is left without a name.
 
-use super::parameters::parameters;
-use super::trial_scores::{Scored, difference};
-use super::tried::TriedModel;
-use crate::verdict::{Cause, Evidence, Parameter};
+use super::fit::{Scored, Trials, difference};
+use super::model::{AZIMUTH, CONTINUUM, Model, PLUME_WIND, Quantity, factor_in, same_distance};
+use super::{LEAST_TRIALS, TriedModel};
+use crate::verdict::{Cause, Evidence, Parameter, Unexplained, UnexplainedKind};
 
-/// Changes that stand for a choice of input and not for a cause.
-const INPUTS: [&str; 2] = ["wind-at-plume-height", "spread-by-obukhov-length"];
+/// Changes that stand for a choice of input and not for a cause. The width by the measured deviation of azimuth
+/// ([`AZIMUTH`]) is a choice of input too, but one that is asked for.
+const INPUTS: [&str; 2] = [PLUME_WIND, CONTINUUM];
 /// Nats of evidence over the base below which nothing is found: some thirty models are tried.
+/// A factor at one distance needs them too, before what its search and laws not quite right may cost.
 const LEAST_NATS: f64 = 5.0;
-/// Width by the measured deviation of azimuth: a choice of input too, but one that is asked for.
-const AZIMUTH: &str = "sigma-y-from-azimuth";
 /// Probability that a set of causes must hold.
-const SET_PROBABILITY: f64 = 0.95;
+const SET_PROBABILITY: f64 = infer::NAMED;
 /// Probability of some cause below which no set is stated.
-const LIKELY: f64 = 0.5;
+pub const LIKELY: f64 = 0.5;
 /// Nats of score that a change must be worth to be a part of a model at all.
 const LEAST_SHOWN: f64 = 1.0;
 /// Part of the gain in evidence that a law not quite right may cost.
 const LAW_ERROR: f64 = 0.1;
+/// The same at one distance: the ends of the arcs bend away first.
+const LAW_ERROR_AT_ONE_DISTANCE: f64 = 0.2;
 /// Standard errors of a one-sided test at the 5 % level.
 const ONE_SIDED: f64 = 1.645;
+/// Scatter of arcs about their trial's line, ln, that no sampling explains: a factor of 1.8.
+const LARGEST_SCATTER: f64 = 0.6;
 
 /// What a question (vertical or lateral, in one kind of air) came to.
 pub struct Finding {
+    /// All models, the most probable first.
+    pub scored: Vec<Scored>,
+    /// The same, held against the base.
+    pub tried: Vec<TriedModel>,
     /// The causes; none where the base does.
     pub causes: Vec<Cause>,
     /// Inputs of the model behind the first cause, or of the most probable: what the numbers are
     /// relative to.
-    pub relative_to: Vec<&'static str>,
+    pub relative_to: Vec<String>,
     /// Gain of that model over the base on trials left out and its standard error, nats.
     pub held_out_gain: (f64, f64),
     /// Probability of any cause, whether stated or not.
     pub some_cause: f64,
-    /// All models, the most probable first.
-    pub tried: Vec<TriedModel>,
 }
 
-/// Changes of a model that are causes.
-fn causes_of(ids: &[&'static str]) -> Vec<&'static str> {
-    ids.iter()
-        .copied()
-        .filter(|id| !INPUTS.contains(id))
-        .collect()
+type Ids = Vec<&'static str>;
+
+/// Briggs' plume with the wind as measured, if it was fitted.
+pub fn base(scored: &[Scored]) -> Option<&Scored> {
+    scored.iter().find(|s| s.model.ids.is_empty())
 }
 
-/// Changes of a model that choose an input.
-fn inputs_of(ids: &[&'static str]) -> Vec<&'static str> {
-    let input = |id: &&'static str| INPUTS.contains(id) || *id == AZIMUTH;
-    ids.iter().copied().filter(input).collect()
-}
-
-/// A set of causes with its probability.
-type Combination = (Vec<&'static str>, f64);
-
-/// Judges the scored models of one question; `group` names the kind of air.
-pub fn judge(scored: &[(usize, Scored)], group: &str) -> Option<Finding> {
-    let mut order: Vec<&Scored> = scored.iter().map(|s| &s.1).collect();
-    order.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-    let base = order.iter().find(|s| s.ids.is_empty())?;
-    let best = order.first()?;
-    let gain = best.fit.log_evidence - base.fit.log_evidence;
-    let combined = combinations(&order);
-    let sets = if gain > LEAST_NATS {
-        answer_sets(&order, combined.clone())
-    } else {
-        Vec::new()
-    };
-    let mut causes: Vec<Cause> = Vec::new();
-    for set in &sets {
-        let mut next = cause(&order, set, base, group);
-        // A parameter is stated once, with its own mechanism.
-        let of_another = |p: &Parameter| {
-            let others = sets.iter().filter(|other| *other != set);
-            others.flatten().any(|id| *id == p.mechanism)
-        };
-        next.parameters.retain(|p| !of_another(p));
-        causes.push(next);
+/// Judges the scored models of one question, the most probable first; `group` names the kind of air.
+pub fn judge(mut scored: Vec<Scored>, group: &str) -> Option<Finding> {
+    let causes: Vec<Ids> = scored.iter().map(|s| causes_in(&scored, s)).collect();
+    for (model, causes) in scored.iter_mut().zip(causes) {
+        model.causes = causes;
     }
-    let behind = sets.first().map_or(*best, |set| model_of(&order, set));
+    let (models, base) = (&scored, base(&scored)?);
+    let gain = models[0].fit.log_evidence - base.fit.log_evidence;
+    let sets = match gain > LEAST_NATS {
+        true => answer_sets(models, gain),
+        false => Vec::new(),
+    };
+    let behind = sets.first().map_or(&models[0], |set| model_of(models, set));
+    let inputs = behind.model.ids.iter();
+    let inputs = inputs.filter(|id| INPUTS.contains(id) || **id == AZIMUTH);
+    let causes = sets
+        .iter()
+        .map(|set| cause(models, set, &sets, base, group));
     Some(Finding {
-        causes,
-        relative_to: inputs_of(&behind.ids),
+        tried: scored.iter().map(|s| tried(s, base)).collect(),
+        causes: causes.collect(),
+        relative_to: inputs.map(|id| (*id).to_owned()).collect(),
         held_out_gain: difference(&behind.held_out, &base.held_out),
-        some_cause: having(&combined, |parts| !parts.is_empty()),
-        tried: order.iter().map(|s| tried(s, base)).collect(),
+        some_cause: probability(models, |m| !m.causes.is_empty()),
+        scored,
     })
+}
+
+fn tried(model: &Scored, base: &Scored) -> TriedModel {
+    let (gain, error) = difference(&model.held_out, &base.held_out);
+    TriedModel {
+        mechanisms: model.model.ids.iter().map(|id| (*id).to_owned()).collect(),
+        delta_log_score: model.fit.log_score - base.fit.log_score,
+        delta_log_evidence: model.fit.log_evidence - base.fit.log_evidence,
+        probability: model.probability,
+        held_out_gain: gain,
+        held_out_gain_se: error,
+        parameters: model.parameters(),
+    }
 }
 
 /// The causes of a model that show: one that costs less than a nat of score when it is taken
 /// out again is none (a loss fitted as 0, a decay whose prior lets it do nothing), and a growth
 /// that a factor does as well as is that factor.
-fn parts(order: &[&Scored], model: &Scored) -> Vec<&'static str> {
+fn causes_in(scored: &[Scored], model: &Scored) -> Ids {
     let mut now = model;
     loop {
-        let of = |ids: &[&str]| order.iter().copied().find(|p| p.ids == ids);
-        let plainer = causes_of(&now.ids).into_iter().flat_map(|id| {
-            let without: Vec<&str> = now.ids.iter().copied().filter(|i| *i != id).collect();
-            let factor = |i: &&'static str| factor_in(i).filter(|_| *i == id).unwrap_or(*i);
-            let as_factor: Vec<&str> = now.ids.iter().map(factor).collect();
-            let growth = factor_in(id).and_then(|_| of(&as_factor));
-            of(&without).into_iter().chain(growth)
+        let ids = now.model.ids.iter().copied();
+        let causes = ids.clone().filter(|id| !INPUTS.contains(id));
+        let with = |ids: Ids| scored.iter().find(|p| p.model.ids == ids);
+        let plainer = causes.clone().flat_map(|id| {
+            let others = ids.clone().filter(|i| *i != id).collect();
+            let as_factor = |to| ids.clone().map(|i| if i == id { to } else { i }).collect();
+            let growth = factor_in(id).and_then(|factor| with(as_factor(factor)));
+            with(others).into_iter().chain(growth)
         });
         let nearest = plainer.max_by(|a, b| a.fit.log_score.total_cmp(&b.fit.log_score));
         match nearest {
             Some(p) if now.fit.log_score - p.fit.log_score < LEAST_SHOWN => now = p,
-            _ => return causes_of(&now.ids),
+            _ => return causes.collect(),
         }
     }
 }
 
-/// The factor that a change of growth has in it.
-fn factor_in(id: &str) -> Option<&'static str> {
-    match id {
-        "sigma-z-growth" => Some("sigma-z-scale"),
-        "sigma-y-growth" => Some("sigma-y-scale"),
-        _ => None,
-    }
+fn has(model: &Scored, id: &str) -> bool {
+    model.causes.contains(&id)
 }
 
-/// Every combination of causes with its probability, the most probable first; the empty one
-/// stands for no cause.
-fn combinations(order: &[&Scored]) -> Vec<Combination> {
-    let each = order.iter().map(|s| (parts(order, s), s.probability));
-    merged(each)
-}
-
-fn merged(each: impl Iterator<Item = Combination>) -> Vec<Combination> {
-    let mut out: Vec<Combination> = Vec::new();
-    for (parts, p) in each {
-        match out.iter_mut().find(|c| c.0 == parts) {
-            Some(known) => known.1 += p,
-            None => out.push((parts, p)),
-        }
-    }
-    out.sort_by(|a, b| b.1.total_cmp(&a.1));
-    out
-}
-
-fn having(combined: &[Combination], which: impl Fn(&[&str]) -> bool) -> f64 {
-    combined.iter().filter(|c| which(&c.0)).map(|c| c.1).sum()
-}
-
-/// Probability that `id` has a part.
-fn inclusion(combined: &[Combination], id: &str) -> f64 {
-    having(combined, |parts| parts.contains(&id))
+fn probability(models: &[Scored], which: impl Fn(&Scored) -> bool) -> f64 {
+    let which = models.iter().filter(|m| which(m));
+    which.map(|m| m.probability).sum()
 }
 
 /// Whether the data cannot do without `id`: it has a part with probability .95, and every model
 /// without it has much less evidence than the best and is worse on trials left out, at the 5 %
 /// level. Much less is 5 nats and a tenth of what the best gains over the base: the laws of
 /// spread and loss are not known so well that a rival which gains nine tenths is out.
-fn certain(order: &[&Scored], combined: &[Combination], id: &str) -> bool {
-    let best = order[0];
-    let behind = |s: &Scored| best.fit.log_evidence - s.fit.log_evidence;
-    let gain = order
-        .iter()
-        .find(|s| s.ids.is_empty())
-        .map_or(0.0, |s| behind(s));
-    let mut without = order.iter().filter(|s| !parts(order, s).contains(&id));
-    inclusion(combined, id) >= SET_PROBABILITY
-        && without.all(|s| {
-            let (held_out, error) = difference(&best.held_out, &s.held_out);
-            behind(s) > LEAST_NATS + LAW_ERROR * gain && held_out > ONE_SIDED * error
+fn certain(models: &[Scored], gain: f64, id: &str) -> bool {
+    let best = &models[0];
+    probability(models, |m| has(m, id)) >= SET_PROBABILITY
+        && models.iter().filter(|m| !has(m, id)).all(|m| {
+            let (held_out, error) = difference(&best.held_out, &m.held_out);
+            let behind = best.fit.log_evidence - m.fit.log_evidence;
+            behind > LEAST_NATS + LAW_ERROR * gain && held_out > ONE_SIDED * error
         })
 }
 
@@ -172,101 +143,137 @@ fn certain(order: &[&Scored], combined: &[Combination], id: &str) -> bool {
 /// combinations that hold .95 of what is not "no cause", if some cause is likelier than none and
 /// there is more than one member; one member that is not certain is left to the ranking.
 /// The deviation of azimuth, once certain, is no rival of the corrections on top of it.
-fn answer_sets(order: &[&Scored], mut combined: Vec<Combination>) -> Vec<Vec<&'static str>> {
-    let mut ids: Vec<&'static str> = order.iter().flat_map(|s| causes_of(&s.ids)).collect();
-    ids.sort_unstable();
-    ids.dedup();
-    ids.sort_by(|a, b| inclusion(&combined, b).total_cmp(&inclusion(&combined, a)));
-    let sure: Vec<&str> = ids
-        .iter()
-        .copied()
-        .filter(|id| certain(order, &combined, id))
-        .collect();
+fn answer_sets(models: &[Scored], gain: f64) -> Vec<Ids> {
     let mut sets = Vec::new();
-    if sure.contains(&AZIMUTH) {
+    let azimuth = certain(models, gain, AZIMUTH);
+    if azimuth {
         sets.push(vec![AZIMUTH]);
-        combined = merged(combined.into_iter().map(|(mut parts, p)| {
-            parts.retain(|id| *id != AZIMUTH);
-            (parts, p)
-        }));
     }
-    let some = having(&combined, |parts| !parts.is_empty());
-    let Some((best, _)) = combined.iter().find(|c| !c.0.is_empty()) else {
-        return sets;
-    };
+    // Combinations of causes with their probabilities, the most probable first.
+    let mut combinations: Vec<(Ids, f64)> = Vec::new();
+    for model in models {
+        let mut causes = model.causes.clone();
+        causes.retain(|id| !(azimuth && *id == AZIMUTH));
+        match combinations.iter_mut().find(|c| c.0 == causes) {
+            Some(known) => known.1 += model.probability,
+            None => combinations.push((causes, model.probability)),
+        }
+    }
+    combinations.retain(|c| !c.0.is_empty());
+    combinations.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let some: f64 = combinations.iter().map(|c| c.1).sum();
     if some <= LIKELY {
         return sets;
     }
-    if best.iter().all(|id| sure.contains(id)) {
+    let best = &combinations[0].0;
+    if best.iter().all(|id| certain(models, gain, id)) {
         sets.extend(best.iter().map(|id| vec![*id]));
         return sets;
     }
     let mut held = 0.0;
-    let mut set: Vec<&'static str> = Vec::new();
-    for (parts, p) in combined.iter().filter(|c| !c.0.is_empty()) {
+    let mut set = Ids::new();
+    for (causes, p) in &combinations {
         // One member alone would be a name.
         if held >= SET_PROBABILITY * some && (set.len() > 1 || some < SET_PROBABILITY) {
             break;
         }
         held += p;
-        set.extend(
-            parts
-                .iter()
-                .filter(|id| !set.contains(id))
-                .collect::<Vec<_>>(),
-        );
+        let new = causes.iter().filter(|id| !set.contains(id));
+        set.extend(new.copied().collect::<Ids>());
     }
     if set.len() > 1 {
-        set.sort_by(|a, b| inclusion(&combined, b).total_cmp(&inclusion(&combined, a)));
+        let inclusion = |id: &str| probability(models, |m| has(m, id));
+        set.sort_by(|a, b| inclusion(b).total_cmp(&inclusion(a)));
         sets.push(set);
     }
     sets
 }
 
-fn tried(model: &Scored, base: &Scored) -> TriedModel {
-    let (gain, error) = difference(&model.held_out, &base.held_out);
-    TriedModel {
-        mechanisms: model.ids.iter().map(|id| (*id).to_owned()).collect(),
-        delta_log_score: model.fit.log_score - base.fit.log_score,
-        delta_log_evidence: model.fit.log_evidence - base.fit.log_evidence,
-        probability: model.probability,
-        held_out_gain: gain,
-        held_out_gain_se: error,
-        parameters: parameters(model),
-    }
-}
-
 /// The most probable model in which the first of the set shows.
-fn model_of<'a>(order: &[&'a Scored], set: &[&'static str]) -> &'a Scored {
-    let mut with = order.iter().filter(|s| parts(order, s).contains(&set[0]));
-    with.next().unwrap_or(&order[0])
+fn model_of<'a>(models: &'a [Scored], set: &Ids) -> &'a Scored {
+    models.iter().find(|m| has(m, set[0])).unwrap_or(&models[0])
 }
 
-fn cause(order: &[&Scored], set: &[&'static str], base: &Scored, group: &str) -> Cause {
-    let best = model_of(order, set);
-    let shown = |s: &Scored| parts(order, s).iter().any(|id| set.contains(id));
-    let outside = order.iter().filter(|s| !shown(s));
-    let rival = outside.map(|s| s.fit.log_evidence).fold(f64::NAN, f64::max);
+fn cause(models: &[Scored], set: &Ids, sets: &[Ids], base: &Scored, group: &str) -> Cause {
+    let best = model_of(models, set);
+    let shows = |m: &Scored| set.iter().any(|id| has(m, id));
+    let outside = models.iter().filter(|m| !shows(m));
+    let rival = outside.map(|m| m.fit.log_evidence).fold(f64::NAN, f64::max);
     let nats_to_next = best.fit.log_evidence - rival;
-    // By Markov's inequality a model without the cause gives evidence e times larger to one of
-    // the others with a probability of 1/e at most.
-    let p_value = (order.len() as f64 * (-nats_to_next).exp()).min(1.0);
+    // A parameter is stated once, with its own mechanism.
+    let of_another = |p: &Parameter| {
+        let mut others = sets.iter().filter(|other| *other != set).flatten();
+        others.any(|id| *id == p.mechanism)
+    };
+    let parameters = best.parameters().into_iter();
     Cause {
         mechanisms: set.iter().map(|id| (*id).to_owned()).collect(),
-        probability: order
-            .iter()
-            .filter(|s| shown(s))
-            .map(|s| s.probability)
-            .sum(),
+        probability: probability(models, shows),
         evidence: Evidence {
             delta_log_score: best.fit.log_score - base.fit.log_score,
             delta_log_evidence: best.fit.log_evidence - base.fit.log_evidence,
-            p_value,
+            // By Markov's inequality a model without the cause gives evidence e times larger to one of
+            // the others with a probability of 1/e at most.
+            p_value: (models.len() as f64 * (-nats_to_next).exp()).min(1.0),
         },
-        parameters: parameters(best),
+        parameters: parameters.filter(|p| !of_another(p)).collect(),
         settings: Vec::new(),
         onset_s: None,
         platforms: vec![group.to_owned()],
         nats_to_next,
     }
+}
+
+/// What the best vertical model leaves in one kind of air, if anything: a factor on all arcs at one distance, or a
+/// scatter of arcs far beyond the errors of measurement. Neither has a name.
+pub fn leftover(trials: &Trials<'_>, scored: &[Scored], air: &str) -> Option<Unexplained> {
+    let best = scored.first()?;
+    let base = base(scored)?;
+    let mut distances: Vec<(f64, usize)> = Vec::new();
+    let integrals = trials.data.iter().flatten();
+    for datum in integrals.filter(|d| d.quantity != Quantity::TowerSpread) {
+        match distances.iter_mut().find(|d| same_distance(datum.x_m, d.0)) {
+            Some(d) => d.1 += 1,
+            None => distances.push((datum.x_m, 1)),
+        }
+    }
+    distances.retain(|d| d.1 >= LEAST_TRIALS);
+    let offset = |&(x_m, _): &(f64, usize)| {
+        let fit = trials.fit(&best.model.with_offset_at(x_m), None)?;
+        let factor = Model::offset(&fit.numbers);
+        Some((x_m, factor, fit.log_evidence - best.fit.log_evidence))
+    };
+    let offsets = distances.iter().filter_map(offset);
+    let strongest = offsets.max_by(|a, b| a.2.total_cmp(&b.2));
+    let gain = best.fit.log_evidence - base.fit.log_evidence;
+    let cost = (distances.len() as f64).ln() + LAW_ERROR_AT_ONE_DISTANCE * gain;
+    let scatter = best.fit.sizes[0];
+    // With two distances a factor at one is a growth.
+    let (term, nats) = match strongest {
+        Some((x, factor, nats)) if distances.len() > 2 && nats > LEAST_NATS + cost => {
+            let term = format!(
+                "crosswind integrals at {x:.0} m are {factor:.2} times what the best model gives, and no others are; \
+                 check the samplers of that arc"
+            );
+            (term, nats)
+        }
+        _ if scatter > LARGEST_SCATTER => {
+            let factor = scatter.exp();
+            let term = format!(
+                "crosswind integrals scatter about the best model by a factor of {factor:.1} from arc to arc"
+            );
+            (term, f64::NAN)
+        }
+        _ => return None,
+    };
+    Some(Unexplained {
+        kind: UnexplainedKind::Discrepancy,
+        coordinate: "along_wind".into(),
+        term,
+        from_s: f64::NAN,
+        to_s: f64::NAN,
+        platforms: vec![air.to_owned()],
+        delta_log_evidence: nats,
+        candidates: Vec::new(),
+    })
 }

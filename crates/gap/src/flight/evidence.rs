@@ -166,7 +166,7 @@ impl Word {
         FURTHER_PART * single.fold(0.0, f64::max)
     }
 
-    /// The best sets of candidates up to [`LARGEST_SET`], the best first. All pairs with one of the
+    /// The best sets of candidates up to `LARGEST_SET`, the best first. All pairs with one of the
     /// strongest dozen are tried, and so on, so that one may stand for two and two for one.
     pub fn search(&self, candidates: &[Candidate]) -> Vec<Model> {
         let charge = self.charge(candidates);

@@ -28,7 +28,7 @@ const SETTLED_NATS: f64 = 2.0;
 /// Prior of the logarithm of every size: wide.
 const LOG_SD: f64 = 1.2;
 
-/// Sizes of the noise, one standard deviation each, SI: white noise of each channel, then those of [`USUAL`].
+/// Sizes of the noise, one standard deviation each, SI: white noise of each channel, then those of `USUAL`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Noise([f64; SIZES]);
 

@@ -12,7 +12,7 @@ use crate::key::{AgentId, Interest, Topic};
 use crate::message::Message;
 use crate::time::SimTime;
 use rayon::prelude::*;
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// One message that went over the bus.
@@ -22,7 +22,7 @@ pub type Publication = (Topic, Envelope);
 #[derive(Default)]
 struct Routes {
     /// Places of members by topic …
-    one: HashMap<Topic, Vec<usize>>,
+    one: BTreeMap<Topic, Vec<usize>>,
     /// … and by interests of several topics.
     wide: Vec<(Interest, Vec<usize>)>,
 }

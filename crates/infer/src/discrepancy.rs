@@ -2,24 +2,21 @@
 //! height above and distance across the axis, and in the time of emission (after Kennedy and O'Hagan 2001, but
 //! multiplicative, because a plume's error is relative).
 //!
-//! The axis may also drift: turn to the sides and up and down by angles that are smooth in time, as the same eddies
-//! carry the plume both ways.
+//! The axis may also drift: turn by an angle that is smooth in time.
 //!
 //! g and the axis drift are sums of Gaussian basis functions on a regular grid of each coordinate with independent
 //! normal weights: Gaussian processes with a squared-exponential covariance, whose size is one
 //! number for each coordinate. Far from all readings g keeps its size: the model may be as wrong there as elsewhere.
 
 use crate::policy::Policy;
-use crate::rows::{AxisTurn, PlumePlace};
+use crate::rows::PlumePlace;
 
-/// Coordinates: distance, height, width and time of the discrepancy, and the drift of the axis to the sides and upwards.
-pub const COORDINATES: usize = 6;
-/// The last three of them.
+/// Coordinates: distance, height, width and time of the discrepancy, and the drift of the axis.
+pub const COORDINATES: usize = 5;
+/// The last two of them.
 const TIME: usize = 3;
 /// See above.
 pub const AXIS_DRIFT: usize = 4;
-/// See above.
-pub const UPWARD_DRIFT: usize = 5;
 /// Upper limit of |g|, a factor of seven, so that no step of a search overflows.
 const MOST_EXPONENT: f64 = 2.0;
 
@@ -57,10 +54,6 @@ impl Growth {
         }
     }
 }
-
-/// Drift of the axis upwards over its drift to the sides. σw is two thirds of σv in a neutral layer (Panofsky and Dutton
-/// 1984), and vertical eddies last about half as long, so that less of their motion remains over the way.
-const UPWARD_OVER_SIDEWAYS: f64 = 0.5;
 
 /// Size along each coordinate: standard deviation of g's part, and of the axis drift in degrees.
 pub type Sizes = [f64; COORDINATES];
@@ -181,10 +174,6 @@ impl Basis {
         let in_time = |(low, high): (f64, f64), width_s: f64| {
             BasisFunctions::over(low, high, width_s, policy.most_basis_functions_in_time)
         };
-        let axis_drift = in_time(
-            (times.0.min(axis_drift_from_s), times.1),
-            policy.axis_drift_width_s,
-        );
         Self {
             basis_functions: [
                 basis_functions(
@@ -200,8 +189,10 @@ impl Basis {
                     policy.discrepancy_width_sigmas,
                 ),
                 in_time(emitted, policy.discrepancy_width_s),
-                axis_drift.clone(),
-                axis_drift,
+                in_time(
+                    (times.0.min(axis_drift_from_s), times.1),
+                    policy.axis_drift_width_s,
+                ),
             ],
         }
     }
@@ -227,12 +218,7 @@ impl Basis {
 
     /// Number of weights of the discrepancy, which stand first; those of the axis drift follow.
     pub fn of_discrepancy(&self) -> usize {
-        self.len() - 2 * self.functions_per_direction()
-    }
-
-    /// Number of basis functions of the axis drift in each of its directions: to the sides, and up and down.
-    pub(crate) fn functions_per_direction(&self) -> usize {
-        self.basis_functions[AXIS_DRIFT].count
+        self.len() - self.basis_functions[AXIS_DRIFT].count
     }
 
     /// The coordinate that each weight belongs to.
@@ -287,13 +273,11 @@ impl Basis {
         }
     }
 
-    /// The values of all basis functions at a place; the axis has its mean height there.
+    /// The values of all basis functions at a place.
     pub(crate) fn fill(&self, place: &PlumePlace, out: &mut [f64]) {
         let (form, axis_drift) = out.split_at_mut(self.of_discrepancy());
         self.fill_discrepancy(&Active::all(self), place, form);
-        let (sideways, upward) = axis_drift.split_at_mut(self.functions_per_direction());
-        self.fill_axis_drift(place.time_s, sideways);
-        upward.fill(0.0);
+        self.fill_axis_drift(place.time_s, axis_drift);
     }
 
     /// The values of the axis drift's basis functions at a time.
@@ -318,26 +302,18 @@ impl Basis {
         }
     }
 
-    /// Turn of an axis that the air has followed for the time `under_way_s` that ends at a time.
-    pub(crate) fn turn_since(&self, time_s: f64, under_way_s: f64, weights: &[f64]) -> AxisTurn {
-        let mut values = vec![0.0; self.functions_per_direction()];
+    /// Turn of an axis that the air has followed for the time `under_way_s` that ends at a time, degrees
+    /// clockwise.
+    pub(crate) fn turn_since_deg(&self, time_s: f64, under_way_s: f64, weights: &[f64]) -> f64 {
+        let mut values = vec![0.0; self.basis_functions[AXIS_DRIFT].count];
         self.fill_axis_drift_since(time_s, under_way_s, &mut values);
-        Self::turn(&values, &weights[self.of_discrepancy()..])
-    }
-
-    /// Turn of the axis by these values of the drift's basis functions and its weights.
-    pub(crate) fn turn(values: &[f64], weights: &[f64]) -> AxisTurn {
-        let (sideways, upward) = weights.split_at(values.len());
-        AxisTurn {
-            clockwise_deg: dot(values, sideways),
-            upward_deg: dot(values, upward),
-        }
+        dot(&values, &weights[self.of_discrepancy()..])
     }
 
     /// These basis functions of the discrepancy with those of another basis for the axis drift.
     pub(crate) fn with_axis_drift_of(&self, other: &Self) -> Self {
         let mut out = self.clone();
-        out.basis_functions[AXIS_DRIFT..].clone_from_slice(&other.basis_functions[AXIS_DRIFT..]);
+        out.basis_functions[AXIS_DRIFT] = other.basis_functions[AXIS_DRIFT].clone();
         out
     }
 
@@ -348,16 +324,16 @@ impl Basis {
 
     /// Turn of the axis at a time, degrees clockwise.
     pub(crate) fn turn_deg(&self, time_s: f64, weights: &[f64]) -> f64 {
-        self.turn_since(time_s, 0.0, weights).clockwise_deg
+        self.turn_since_deg(time_s, 0.0, weights)
     }
 }
 
 /// The size of a coordinate without discrepancy or drift.
 fn least(coordinate: usize, policy: &Policy) -> f64 {
-    if coordinate < AXIS_DRIFT {
-        policy.discrepancy_least
-    } else {
+    if coordinate == AXIS_DRIFT {
         0.0
+    } else {
+        policy.discrepancy_least
     }
 }
 
@@ -377,7 +353,7 @@ impl Active {
 
     /// Those of the discrepancy, which stand first.
     pub fn of_discrepancy(&self) -> usize {
-        self.coordinates().filter(|c| *c < AXIS_DRIFT).count()
+        self.coordinates().filter(|c| *c != AXIS_DRIFT).count()
     }
 
     pub fn weights(&self) -> impl Iterator<Item = usize> + '_ {
@@ -399,7 +375,7 @@ impl Active {
 }
 
 impl Policy {
-    /// The sizes that a coordinate of the discrepancy or the axis drift to the sides may have, with the logarithms of their
+    /// The sizes that a coordinate of discrepancy or axis drift may have, with the logarithms of their
     /// probabilities beforehand.
     fn choices(&self, coordinate: usize) -> [(f64, f64); 3] {
         let (least, [some, more]) = if coordinate == AXIS_DRIFT {
@@ -415,28 +391,19 @@ impl Policy {
         ]
     }
 
-    /// Logarithm of the probability of sizes beforehand. The eddies that move an axis up and down move it to the sides as
-    /// well: an axis drifts upwards only if it drifts to the sides, and then in every second case.
+    /// Logarithm of the probability of sizes beforehand.
     pub(crate) fn ln_sizes(&self, sizes: &Sizes) -> f64 {
         let of = |(k, size): (usize, &f64)| {
             let choices = self.choices(k);
             let chosen = choices.iter().find(|c| c.0 == *size);
             chosen.map_or(f64::NEG_INFINITY, |c| c.1)
         };
-        let independent: f64 = sizes[..=AXIS_DRIFT].iter().enumerate().map(of).sum();
-        let both = [0.0, upward(sizes[AXIS_DRIFT])];
-        let is_possible = both.contains(&sizes[UPWARD_DRIFT]);
-        independent
-            + match (is_possible, both[1] > 0.0) {
-                (false, _) => f64::NEG_INFINITY,
-                (true, true) => -std::f64::consts::LN_2,
-                (true, false) => 0.0,
-            }
+        sizes.iter().enumerate().map(of).sum()
     }
 
-    /// Sizes of a discrepancy on every coordinate and an axis drift in both directions, as near as the choices come.
+    /// Sizes of a discrepancy on every coordinate and an axis drift, as near as the choices come.
     pub(crate) fn nearest_sizes(&self, form: f64, axis_drift_deg: f64) -> Sizes {
-        let mut out: Sizes = std::array::from_fn(|k| {
+        std::array::from_fn(|k| {
             let wanted = if k == AXIS_DRIFT {
                 axis_drift_deg
             } else {
@@ -447,18 +414,16 @@ impl Policy {
             choices
                 .min_by(|a, b| off(a).total_cmp(&off(b)))
                 .map_or(0.0, |c| c.0)
-        });
-        out[UPWARD_DRIFT] = upward(out[AXIS_DRIFT]);
-        out
+        })
     }
 
     /// Limits sizes to the tolerated ones: no discrepancy except a slow change of strength, such as that of the wind speed,
     /// and an axis drift of about the tolerated wander.
     pub(crate) fn tolerated_sizes(&self, sizes: &Sizes) -> Sizes {
-        let axis_drift_deg = self.nearest_axis_drift_deg(self.noise_tolerated.wander_deg);
         std::array::from_fn(|k| match k {
-            AXIS_DRIFT => sizes[k].min(axis_drift_deg),
-            UPWARD_DRIFT => sizes[k].min(upward(axis_drift_deg)),
+            AXIS_DRIFT => {
+                sizes[k].min(self.nearest_axis_drift_deg(self.noise_tolerated.wander_deg))
+            }
             TIME => sizes[k].min(self.discrepancy_sizes[0]),
             _ => self.discrepancy_least,
         })
@@ -471,36 +436,17 @@ impl Policy {
         if off(&some) <= off(&more) { some } else { more }
     }
 
-    /// All possible sizes that differ from `sizes` on one coordinate; an upward drift follows the drift to the sides.
+    /// All sizes that differ from `sizes` on one coordinate.
     pub(crate) fn neighbours(&self, sizes: Sizes) -> impl Iterator<Item = Sizes> + '_ {
-        let has_upward = sizes[UPWARD_DRIFT] > 0.0;
-        let independent = (0..=AXIS_DRIFT).flat_map(move |k| {
+        (0..COORDINATES).flat_map(move |k| {
             let other = self.choices(k).into_iter().filter(move |c| c.0 != sizes[k]);
             other.map(move |c| {
                 let mut next = sizes;
                 next[k] = c.0;
-                if has_upward {
-                    next[UPWARD_DRIFT] = upward(next[AXIS_DRIFT]);
-                }
                 next
             })
-        });
-        let drifts = sizes[AXIS_DRIFT] > 0.0;
-        independent.chain(drifts.then(|| {
-            let mut next = sizes;
-            next[UPWARD_DRIFT] = if has_upward {
-                0.0
-            } else {
-                upward(sizes[AXIS_DRIFT])
-            };
-            next
-        }))
+        })
     }
-}
-
-/// The upward drift of an axis that drifts to the sides by so much.
-fn upward(sideways_deg: f64) -> f64 {
-    UPWARD_OVER_SIDEWAYS * sideways_deg
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {

@@ -7,7 +7,7 @@ use crate::evidence::{Evidence, Known, Layout, Products};
 use crate::fit::{AxisDrift, Fit, Point, Problem};
 use crate::noise::Noise;
 use crate::parallel_map::parallel_map;
-use crate::rows::{AxisTurn, ForwardModel, PlumePlace};
+use crate::rows::{ForwardModel, PlumePlace};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use std::sync::Arc;
 
@@ -646,22 +646,17 @@ impl Posterior {
         axis_drift.iter().any(|weight| *weight != 0.0)
     }
 
-    /// Turn of the axis at a time beside the means of the unknowns: what of a steady turn
+    /// Turn of the axis at a time, degrees clockwise, beside the means of the unknowns: what of a steady turn
     /// the mean lays on the unknown axis it takes from here.
-    pub fn turn(&self, time_s: f64) -> AxisTurn {
-        self.fit.basis.turn_since(time_s, 0.0, &self.mean_weights)
-    }
-
-    /// The same to the side alone.
     pub fn turn_deg(&self, time_s: f64) -> f64 {
-        self.turn(time_s).clockwise_deg
+        self.fit.basis.turn_deg(time_s, &self.mean_weights)
     }
 
     /// Mean turn of the axis at these times, degrees clockwise, with how far it may be off, together with the
     /// unknown that turns the axis for good, if there is one.
     pub fn mean_turn(&self, times_s: &[f64], beside: Option<usize>) -> Estimate {
         let axis_drift = &self.layout.weights[self.fit.basis.of_discrepancy()..];
-        let mut basis_functions = vec![0.0; self.fit.basis.functions_per_direction()];
+        let mut basis_functions = vec![0.0; axis_drift.len()];
         let mut function = DMatrix::zeros(1, self.layout.tried);
         let (count, mut value) = (times_s.len() as f64, 0.0);
         for time_s in times_s {

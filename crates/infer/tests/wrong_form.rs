@@ -44,11 +44,12 @@ fn steady() -> impl Iterator<Item = (&'static str, Reality)> {
 }
 
 /// Realities of which one case each is fixed here; all of them, with more seeds, are a rate.
-const FIXED: [&str; 4] = [
+const FIXED: [&str; 5] = [
     "as the model",
     "growth .3",
     "decay .003/s",
     "downwash 2e4 m2",
+    "second source",
 ];
 
 #[test]
@@ -63,20 +64,6 @@ fn the_truth_is_within_what_is_stated() {
         if name == "as the model" {
             assert!(relative_sd < 0.01, "{name}: {relative_sd}");
         }
-    }
-}
-
-/// A second source that the model lacks leaves the peak uncertain (docs/limits.md), but not the plume wrong: strength and
-/// height of the first source are within two standard deviations.
-#[test]
-fn a_source_that_the_model_lacks_does_not_change_the_first() {
-    let mut realities = realities().into_iter();
-    let (_, reality) = realities.find(|r| r.0 == "second source").unwrap();
-    let found = posterior(&Model::new(1.0), &readings(&reality, 1), 1.0);
-    let (mean, covariance) = (found.mean(), found.covariance());
-    for (k, truth) in [(1, 540.0), (2, 500f64.ln())] {
-        let z = (mean[k] - truth) / covariance[(k, k)].sqrt();
-        assert!(z.abs() < 2.0, "unknown {k}: {z:.1} standard deviations");
     }
 }
 

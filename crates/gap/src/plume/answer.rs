@@ -311,14 +311,7 @@ fn unexplained(study: &Study<'_>, named: bool) -> Result<Option<Unexplained>, In
     candidates.truncate(study.question.policy.most_candidates);
     let (from_s, to_s, platforms) = stretch(study);
     let sizes = judged.set.likeliest_sizes();
-    let of_plume = [
-        "along_wind",
-        "height",
-        "across_wind",
-        "time",
-        "time",
-        "time",
-    ];
+    let of_plume = ["along_wind", "height", "across_wind", "time", "time"];
     let largest = (0..sizes.len()).max_by(|a, b| sizes[*a].total_cmp(&sizes[*b]));
     let coordinate = match judged.rest.kind {
         RestKind::Background(Along::Height) => "height",
@@ -551,7 +544,7 @@ pub(super) fn carried_from_deg(study: &Study<'_>, set: &FittedSet<PlumeModel<'_>
 /// direction from, in degrees, and speed at the scenario's height, m/s.
 fn met_wind(study: &Study<'_>, set: &FittedSet<PlumeModel<'_>>) -> (f64, f64) {
     let spec = &study.setup.base;
-    let turns = study.question.turns(set);
+    let turns = study.question.turns_deg(set);
     let there = infer::ForwardModel::predict(&set.model, set.at(), &turns);
     let weight: Vec<f64> = there.map_or_else(
         |_| vec![1.0; study.data.len()],

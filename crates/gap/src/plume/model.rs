@@ -6,9 +6,7 @@ use ::plume::effects::SensorAir;
 use ::plume::field::{DispersionModel, DispersionSpec, InPlume, Place};
 use ::plume::mechanism::{Mechanism, MechanismId, ParameterSpec};
 use ::plume::track::Track;
-use std::borrow::Cow;
-
-use infer::{AxisTurn, ForwardModel, InferError, PlumePlace, Prediction};
+use infer::{ForwardModel, InferError, PlumePlace, Prediction};
 
 use super::data::Setup;
 
@@ -344,9 +342,7 @@ impl<'a> PlumeModel<'a> {
     /// # Errors
     /// Values that the model refuses.
     pub fn last_met_s(&self, at: &[f64]) -> Result<f64, InferError> {
-        let plume = self
-            .predict(at, &vec![AxisTurn::NONE; self.track.len()])?
-            .plume;
+        let plume = self.predict(at, &vec![0.0; self.track.len()])?.plume;
         let most = plume.iter().copied().fold(0.0, f64::max);
         let times = self.track.time_s();
         let met = plume.iter().zip(times).filter(|(p, _)| **p > MET * most);
@@ -429,7 +425,7 @@ impl<'a> PlumeModel<'a> {
 
     /// What each row reads without the plume, ppm.
     fn clean(&self, at: &[f64]) -> Result<Vec<f64>, InferError> {
-        let there = self.predict(at, &vec![AxisTurn::NONE; self.track.len()])?;
+        let there = self.predict(at, &vec![0.0; self.track.len()])?;
         let clean = there.reading.iter().zip(&there.plume).map(|(r, p)| r - p);
         Ok(clean.collect())
     }
@@ -531,24 +527,36 @@ impl ForwardModel for PlumeModel<'_> {
         out
     }
 
-    fn predict(&self, at: &[f64], turns: &[AxisTurn]) -> Result<Prediction, InferError> {
+    fn predict(&self, at: &[f64], turn_deg: &[f64]) -> Result<Prediction, InferError> {
         let world = self.world(at)?;
         let n = self.track.len();
         let mut out = Prediction {
             reading: vec![0.0; n],
             plume: vec![0.0; n],
         };
-        let mut track = Cow::Borrowed(self.track);
-        if turns.iter().any(|t| t.clockwise_deg != 0.0) {
-            let clockwise_deg: Vec<f64> = turns.iter().map(|t| t.clockwise_deg).collect();
-            track = Cow::Owned(track.turned(&clockwise_deg));
+        let mut fill = |track: &Track| {
+            track.predict_parts(&world, &mut out.reading, Some(&mut out.plume));
+        };
+        if turn_deg.iter().all(|t| *t == 0.0) {
+            fill(self.track);
+        } else {
+            fill(&self.track.turned(turn_deg));
         }
-        if turns.iter().any(|t| t.upward_deg != 0.0) {
-            let upward_deg: Vec<f64> = turns.iter().map(|t| t.upward_deg).collect();
-            track = Cow::Owned(track.inclined(&upward_deg, self.base.sources[0].place));
-        }
-        track.predict_parts(&world, &mut out.reading, Some(&mut out.plume));
         Ok(out)
+    }
+
+    fn predict_raised(
+        &self,
+        at: &[f64],
+        turn_deg: &[f64],
+        by_m: f64,
+    ) -> Result<Option<Prediction>, InferError> {
+        let Some(k) = self.unknown(MechanismId::EffectiveHeightOffset) else {
+            return Ok(None);
+        };
+        let mut raised = at.to_vec();
+        raised[k] += by_m;
+        self.predict(&raised, turn_deg).map(Some)
     }
 
     fn response_s(&self, at: &[f64]) -> Result<Vec<f64>, InferError> {

@@ -646,12 +646,16 @@ impl Correction {
         })
     }
 
-    /// What the sources emit, as far as readings tell; nothing before them.
+    /// The emission rates. Where no plume of the model fits what was read, that of the mass balance alone: it needs no model
+    /// of the plume's strength. None before a plume was read.
     fn flux(&self, peak: Option<Peak>) -> Vec<Flux> {
-        if peak.is_none_or(|p| p.status == PeakStatus::NotFound) {
+        let fits = peak.is_some_and(|p| p.status != PeakStatus::NotFound);
+        if !fits && !self.calibrator.has_read_a_plume() {
             return Vec::new();
         }
-        self.calibrator.fluxes(self.wind_m_s)
+        let mut found = self.calibrator.fluxes(self.wind_m_s);
+        found.retain(|flux| fits || flux.method == FluxMethod::MassBalance);
+        found
     }
 }
 

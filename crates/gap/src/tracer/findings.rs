@@ -31,7 +31,7 @@ const LARGEST_SCATTER: f64 = 0.6;
 pub struct Finding {
     /// All models, the most probable first.
     pub scored: Vec<Scored>,
-    /// The same, held against the base.
+    /// The same models, each with its gain over the base.
     pub tried: Vec<TriedModel>,
     /// The causes; none where the base does.
     pub causes: Vec<Cause>,

@@ -2,7 +2,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-/// Variance inflation from which on a column is determined by others: what it tells is then the rounding of the file.
+/// Largest variance inflation of a column. Beyond it the other columns determine the column, except for the rounding of the
+/// file.
 const MOST_INFLATION: f64 = 1e4;
 /// Least part of its square that a response must vary by: less is rounding.
 const LEAST_SPREAD: f64 = 1e-9;

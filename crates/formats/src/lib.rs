@@ -6,6 +6,7 @@
 //! - [`calendar`]: days of the Gregorian calendar and times of day, in UTC;
 //! - [`cdr`]: messages of ROS 2 in bytes;
 //! - [`delimited`]: CSV and its relatives, read row by row;
+//! - [`list`]: lists of names in a sentence;
 //! - [`mcap_records`]: the records of an MCAP file, also of one that is damaged or cut short;
 //! - [`netcdf`]: NetCDF in its classic form;
 //! - [`number`]: numbers as text, to the digit that their uncertainty allows;
@@ -15,6 +16,7 @@ pub mod binary;
 pub mod calendar;
 pub mod cdr;
 pub mod delimited;
+pub mod list;
 pub mod mcap_records;
 pub mod netcdf;
 pub mod number;

@@ -6,6 +6,7 @@ use crate::summary::{
     CORRECTED, FluxSummary, GapSummary, HighestReading, MissionSummary, ModelNumber, Outcome,
     ppm_of,
 };
+use formats::list::listed;
 use formats::number::{plus_minus, significant, value_and_sd};
 use plume::Gas;
 use protocol::message::{
@@ -57,11 +58,7 @@ pub fn not_landed(summary: &MissionSummary) -> Option<String> {
     let of = |outcome: Outcome| {
         let ids = summary.vehicles.iter().filter(|v| v.outcome == outcome);
         let ids: Vec<&str> = ids.map(|v| v.id.as_str()).collect();
-        let listed = ids[..ids.len().min(MOST_LISTED)].join(", ");
-        match ids.len().saturating_sub(MOST_LISTED) {
-            0 => listed,
-            more => format!("{listed} and {more} more"),
-        }
+        listed(&ids, MOST_LISTED)
     };
     let said = |what: &str, ids: String| (!ids.is_empty()).then(|| format!("{what}: {ids}."));
     let airborne = said(

@@ -3,6 +3,8 @@
 
 use std::collections::BTreeSet;
 
+use formats::list::listed;
+
 use super::arcs::{self, TrialArcs};
 use super::gain::{self, Values, maximum};
 use super::model::Model;
@@ -77,7 +79,7 @@ fn trial_notices(trials: &[TrialArcs], groups: &[GroupDetail]) -> Vec<String> {
             "{} trials have names of trials that the extension was found on: where they are the same ones, these \
              scores are no hold-out ({})",
             same.len(),
-            arcs::listed(&same)
+            listed(&same, arcs::MOST_LISTED)
         ));
     }
     let arcs: Vec<_> = trials.iter().flat_map(|t| &t.arcs).collect();

@@ -4,6 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::{PI, TAU};
 
+use formats::list::listed;
 use plume::stability::Stability;
 
 use super::table::{Receptor, Tables, Trial};
@@ -88,7 +89,7 @@ const LEAST_CORRECTION: f64 = 0.5;
 /// Roughness lengths that differ by more than this factor have class limits of their own.
 const LARGEST_ROUGHNESS_RATIO: f64 = 1.5;
 /// Most trials that a notice lists.
-const MOST_LISTED: usize = 20;
+pub const MOST_LISTED: usize = 20;
 
 /// A sampler with a reading.
 #[derive(Debug, Clone, Copy)]
@@ -156,7 +157,7 @@ pub fn trials(tables: &Tables) -> (Vec<TrialArcs>, Vec<DataQuality>, Vec<String>
         notices.push(format!(
             "{} trials without wind speed or Obukhov length are ignored: {}",
             without.len(),
-            listed(&without)
+            listed(&without, MOST_LISTED)
         ));
     }
     if mixed_heights > 0 {
@@ -179,15 +180,6 @@ pub fn flaw(platform: &str, kind: Flaw, message: String) -> DataQuality {
     }
 }
 
-/// The first names, and how many more.
-pub fn listed(names: &[&str]) -> String {
-    let text = names[..names.len().min(MOST_LISTED)].join(", ");
-    match names.len().saturating_sub(MOST_LISTED) {
-        0 => text,
-        more => format!("{text} and {more} more"),
-    }
-}
-
 /// What the tables lack or have twice.
 fn table_notices(tables: &Tables) -> Vec<String> {
     let mut notices = Vec::new();
@@ -200,7 +192,7 @@ fn table_notices(tables: &Tables) -> Vec<String> {
             notices.push(format!(
                 "{} rows of the {what} are ignored, since the table of trials lacks their trials: {}",
                 strange.len(),
-                listed(&distinct.into_iter().collect::<Vec<_>>())
+                listed(&distinct.into_iter().collect::<Vec<_>>(), MOST_LISTED)
             ));
         }
         let place = |r: &Receptor| {

@@ -63,6 +63,8 @@ fn numbers() -> Vec<Number> {
         discrepancy_least,
         axis_drift_sizes_deg[0],
         axis_drift_sizes_deg[1],
+        axis_drift_sizes_deg[2],
+        upward_over_sideways,
         axis_drift_mean_deg,
         noise_median.white,
         noise_median.slow,

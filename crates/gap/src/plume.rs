@@ -16,6 +16,7 @@ mod gain;
 mod gate;
 mod known_noise;
 mod logged;
+mod meander;
 mod model;
 mod next_flight;
 mod pair;
@@ -345,7 +346,7 @@ fn analyse_once(
         }
     }
     tell(0.35, "searching for causes");
-    let here = base.model.predict(base.at(), &question.turns_deg(&base))?;
+    let here = base.model.predict(base.at(), &question.turns(&base))?;
     let world = base.model.world(base.at())?;
     let tried = catalogue::tried(setup, &model, &here, &world);
     let mut found = question.search(base.clone(), named, &tried)?;

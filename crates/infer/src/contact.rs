@@ -6,7 +6,7 @@ use crate::fit::Problem;
 use crate::parallel_map::parallel_map;
 use crate::passes::passes;
 use crate::posterior::Estimate;
-use crate::rows::{ForwardModel, Prediction};
+use crate::rows::{AxisTurn, ForwardModel, Prediction};
 
 /// Step between the directions to try, degrees.
 const SPACING_DEG: f64 = 2.0;
@@ -34,7 +34,7 @@ impl<M: ForwardModel> Problem<'_, M> {
     /// Contact with the plume of the unknowns `at`, in about `count` passes; none if no pass shows a plume.
     pub(crate) fn contact(&self, at: &[f64], count: usize) -> Result<Option<Contact>, InferError> {
         let n = self.rows.len();
-        let still = self.model.predict(at, &vec![0.0; n])?;
+        let still = self.model.predict(at, &vec![AxisTurn::NONE; n])?;
         let nothing = self.levelled(&still, 0.0);
         let excess: Vec<f64> = (0..n)
             .map(|i| (self.rows.measured()[i] - nothing.reading[i]) / self.sensor_sd)
@@ -47,7 +47,9 @@ impl<M: ForwardModel> Problem<'_, M> {
         let steps = (360.0 / SPACING_DEG) as u32;
         let turns_deg: Vec<f64> = (0..steps).map(|k| f64::from(k) * SPACING_DEG).collect();
         let gains = |turn_deg: &f64| -> Result<Vec<f64>, InferError> {
-            let there = self.model.predict(at, &vec![*turn_deg; n])?;
+            let there = self
+                .model
+                .predict(at, &vec![AxisTurn::clockwise(*turn_deg); n])?;
             let mut gains = vec![f64::NEG_INFINITY; passes.len()];
             for strength in STRENGTHS {
                 let scores = self.rough_scores(&self.levelled(&there, strength));

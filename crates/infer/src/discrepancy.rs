@@ -2,21 +2,24 @@
 //! height above and distance across the axis, and in the time of emission (after Kennedy and O'Hagan 2001, but
 //! multiplicative, because a plume's error is relative).
 //!
-//! The axis may also drift: turn by an angle that is smooth in time.
+//! The axis may also drift: turn to the sides and up and down by angles that are smooth in time, as the same eddies
+//! carry the plume both ways.
 //!
 //! g and the axis drift are sums of Gaussian basis functions on a regular grid of each coordinate with independent
 //! normal weights: Gaussian processes with a squared-exponential covariance, whose size is one
 //! number for each coordinate. Far from all readings g keeps its size: the model may be as wrong there as elsewhere.
 
 use crate::policy::Policy;
-use crate::rows::PlumePlace;
+use crate::rows::{AxisTurn, PlumePlace};
 
-/// Coordinates: distance, height, width and time of the discrepancy, and the drift of the axis.
-pub const COORDINATES: usize = 5;
-/// The last two of them.
+/// Coordinates: distance, height, width and time of the discrepancy, and the drift of the axis to the sides and upwards.
+pub const COORDINATES: usize = 6;
+/// The last three of them.
 const TIME: usize = 3;
 /// See above.
 pub const AXIS_DRIFT: usize = 4;
+/// See above.
+pub const UPWARD_DRIFT: usize = 5;
 /// Upper limit of |g|, a factor of seven, so that no step of a search overflows.
 const MOST_EXPONENT: f64 = 2.0;
 
@@ -174,6 +177,10 @@ impl Basis {
         let in_time = |(low, high): (f64, f64), width_s: f64| {
             BasisFunctions::over(low, high, width_s, policy.most_basis_functions_in_time)
         };
+        let axis_drift = in_time(
+            (times.0.min(axis_drift_from_s), times.1),
+            policy.axis_drift_width_s,
+        );
         Self {
             basis_functions: [
                 basis_functions(
@@ -189,10 +196,8 @@ impl Basis {
                     policy.discrepancy_width_sigmas,
                 ),
                 in_time(emitted, policy.discrepancy_width_s),
-                in_time(
-                    (times.0.min(axis_drift_from_s), times.1),
-                    policy.axis_drift_width_s,
-                ),
+                axis_drift.clone(),
+                axis_drift,
             ],
         }
     }
@@ -218,7 +223,12 @@ impl Basis {
 
     /// Number of weights of the discrepancy, which stand first; those of the axis drift follow.
     pub fn of_discrepancy(&self) -> usize {
-        self.len() - self.basis_functions[AXIS_DRIFT].count
+        self.len() - 2 * self.functions_per_direction()
+    }
+
+    /// Number of basis functions of the axis drift in each of its directions: to the sides, and up and down.
+    pub(crate) fn functions_per_direction(&self) -> usize {
+        self.basis_functions[AXIS_DRIFT].count
     }
 
     /// The coordinate that each weight belongs to.
@@ -273,11 +283,13 @@ impl Basis {
         }
     }
 
-    /// The values of all basis functions at a place.
+    /// The values of all basis functions at a place; the axis has its mean height there.
     pub(crate) fn fill(&self, place: &PlumePlace, out: &mut [f64]) {
         let (form, axis_drift) = out.split_at_mut(self.of_discrepancy());
         self.fill_discrepancy(&Active::all(self), place, form);
-        self.fill_axis_drift(place.time_s, axis_drift);
+        let (sideways, upward) = axis_drift.split_at_mut(self.functions_per_direction());
+        self.fill_axis_drift(place.time_s, sideways);
+        upward.fill(0.0);
     }
 
     /// The values of the axis drift's basis functions at a time.
@@ -302,18 +314,26 @@ impl Basis {
         }
     }
 
-    /// Turn of an axis that the air has followed for the time `under_way_s` that ends at a time, degrees
-    /// clockwise.
-    pub(crate) fn turn_since_deg(&self, time_s: f64, under_way_s: f64, weights: &[f64]) -> f64 {
-        let mut values = vec![0.0; self.basis_functions[AXIS_DRIFT].count];
+    /// Turn of an axis that the air has followed for the time `under_way_s` that ends at a time.
+    pub(crate) fn turn_since(&self, time_s: f64, under_way_s: f64, weights: &[f64]) -> AxisTurn {
+        let mut values = vec![0.0; self.functions_per_direction()];
         self.fill_axis_drift_since(time_s, under_way_s, &mut values);
-        dot(&values, &weights[self.of_discrepancy()..])
+        Self::turn(&values, &weights[self.of_discrepancy()..])
+    }
+
+    /// Turn of the axis by these values of the drift's basis functions and its weights.
+    pub(crate) fn turn(values: &[f64], weights: &[f64]) -> AxisTurn {
+        let (sideways, upward) = weights.split_at(values.len());
+        AxisTurn {
+            clockwise_deg: dot(values, sideways),
+            upward_deg: dot(values, upward),
+        }
     }
 
     /// These basis functions of the discrepancy with those of another basis for the axis drift.
     pub(crate) fn with_axis_drift_of(&self, other: &Self) -> Self {
         let mut out = self.clone();
-        out.basis_functions[AXIS_DRIFT] = other.basis_functions[AXIS_DRIFT].clone();
+        out.basis_functions[AXIS_DRIFT..].clone_from_slice(&other.basis_functions[AXIS_DRIFT..]);
         out
     }
 
@@ -324,16 +344,16 @@ impl Basis {
 
     /// Turn of the axis at a time, degrees clockwise.
     pub(crate) fn turn_deg(&self, time_s: f64, weights: &[f64]) -> f64 {
-        self.turn_since_deg(time_s, 0.0, weights)
+        self.turn_since(time_s, 0.0, weights).clockwise_deg
     }
 }
 
 /// The size of a coordinate without discrepancy or drift.
 fn least(coordinate: usize, policy: &Policy) -> f64 {
-    if coordinate == AXIS_DRIFT {
-        0.0
-    } else {
+    if coordinate < AXIS_DRIFT {
         policy.discrepancy_least
+    } else {
+        0.0
     }
 }
 
@@ -353,7 +373,7 @@ impl Active {
 
     /// Those of the discrepancy, which stand first.
     pub fn of_discrepancy(&self) -> usize {
-        self.coordinates().filter(|c| *c != AXIS_DRIFT).count()
+        self.coordinates().filter(|c| *c < AXIS_DRIFT).count()
     }
 
     pub fn weights(&self) -> impl Iterator<Item = usize> + '_ {
@@ -375,77 +395,99 @@ impl Active {
 }
 
 impl Policy {
-    /// The sizes that a coordinate of discrepancy or axis drift may have, with the logarithms of their
+    /// The sizes that a coordinate of the discrepancy or the axis drift to the sides may have, with the logarithms of their
     /// probabilities beforehand.
-    fn choices(&self, coordinate: usize) -> [(f64, f64); 3] {
-        let (least, [some, more]) = if coordinate == AXIS_DRIFT {
-            (0.0, self.axis_drift_sizes_deg)
+    fn choices(&self, coordinate: usize) -> impl Iterator<Item = (f64, f64)> + '_ {
+        let sizes: &[f64] = if coordinate == AXIS_DRIFT {
+            &self.axis_drift_sizes_deg
         } else {
-            (self.discrepancy_least, self.discrepancy_sizes)
+            &self.discrepancy_sizes
         };
-        let ln_some = (0.5 * (1.0 - self.discrepancy_none)).ln();
-        [
-            (least, self.discrepancy_none.ln()),
-            (some, ln_some),
-            (more, ln_some),
-        ]
+        let ln_of_each = ((1.0 - self.discrepancy_none) / sizes.len() as f64).ln();
+        let none = (least(coordinate, self), self.discrepancy_none.ln());
+        std::iter::once(none).chain(sizes.iter().map(move |size| (*size, ln_of_each)))
     }
 
-    /// Logarithm of the probability of sizes beforehand.
+    /// Logarithm of the probability of sizes beforehand. The eddies that move an axis up and down move it to the sides as
+    /// well: an axis drifts upwards only if it drifts to the sides, and then in every second case.
     pub(crate) fn ln_sizes(&self, sizes: &Sizes) -> f64 {
         let of = |(k, size): (usize, &f64)| {
-            let choices = self.choices(k);
-            let chosen = choices.iter().find(|c| c.0 == *size);
+            let chosen = self.choices(k).find(|c| c.0 == *size);
             chosen.map_or(f64::NEG_INFINITY, |c| c.1)
         };
-        sizes.iter().enumerate().map(of).sum()
+        let independent: f64 = sizes[..=AXIS_DRIFT].iter().enumerate().map(of).sum();
+        let most = self.upward_beside(sizes[AXIS_DRIFT]);
+        let is_possible = [0.0, most].contains(&sizes[UPWARD_DRIFT]);
+        independent
+            + match (is_possible, most > 0.0) {
+                (false, _) => f64::NEG_INFINITY,
+                (true, true) => -std::f64::consts::LN_2,
+                (true, false) => 0.0,
+            }
     }
 
-    /// Sizes of a discrepancy on every coordinate and an axis drift, as near as the choices come.
+    /// Sizes of a discrepancy on every coordinate and an axis drift in both directions, as near as the choices come.
     pub(crate) fn nearest_sizes(&self, form: f64, axis_drift_deg: f64) -> Sizes {
-        std::array::from_fn(|k| {
+        let mut out: Sizes = std::array::from_fn(|k| {
             let wanted = if k == AXIS_DRIFT {
                 axis_drift_deg
             } else {
                 form
             };
             let off = |c: &(f64, f64)| (c.0 - wanted).abs();
-            let choices = self.choices(k).into_iter();
-            choices
+            self.choices(k)
                 .min_by(|a, b| off(a).total_cmp(&off(b)))
                 .map_or(0.0, |c| c.0)
-        })
+        });
+        out[UPWARD_DRIFT] = self.upward_beside(out[AXIS_DRIFT]);
+        out
     }
 
     /// Limits sizes to the tolerated ones: no discrepancy except a slow change of strength, such as that of the wind speed,
     /// and an axis drift of about the tolerated wander.
     pub(crate) fn tolerated_sizes(&self, sizes: &Sizes) -> Sizes {
+        let axis_drift_deg = self.nearest_axis_drift_deg(self.noise_tolerated.wander_deg);
         std::array::from_fn(|k| match k {
-            AXIS_DRIFT => {
-                sizes[k].min(self.nearest_axis_drift_deg(self.noise_tolerated.wander_deg))
-            }
+            AXIS_DRIFT => sizes[k].min(axis_drift_deg),
+            UPWARD_DRIFT => sizes[k].min(self.upward_beside(axis_drift_deg)),
             TIME => sizes[k].min(self.discrepancy_sizes[0]),
             _ => self.discrepancy_least,
         })
     }
 
+    /// The size of the upward drift that an axis may have beside a drift to the sides of this size.
+    fn upward_beside(&self, sideways_deg: f64) -> f64 {
+        self.upward_over_sideways * sideways_deg.min(self.axis_drift_sizes_deg[1])
+    }
+
     /// The size of an axis drift, other than none, that is nearest to `deg` by its factor.
     fn nearest_axis_drift_deg(&self, deg: f64) -> f64 {
         let off = |size: &f64| (size / deg).ln().abs();
-        let [some, more] = self.axis_drift_sizes_deg;
-        if off(&some) <= off(&more) { some } else { more }
+        let sizes = self.axis_drift_sizes_deg.iter();
+        let nearest = sizes.min_by(|a, b| off(a).total_cmp(&off(b)));
+        nearest.copied().unwrap_or(0.0)
     }
 
-    /// All sizes that differ from `sizes` on one coordinate.
+    /// All possible sizes that differ from `sizes` on one coordinate; an upward drift follows the drift to the sides.
     pub(crate) fn neighbours(&self, sizes: Sizes) -> impl Iterator<Item = Sizes> + '_ {
-        (0..COORDINATES).flat_map(move |k| {
-            let other = self.choices(k).into_iter().filter(move |c| c.0 != sizes[k]);
+        let has_upward = sizes[UPWARD_DRIFT] > 0.0;
+        let independent = (0..=AXIS_DRIFT).flat_map(move |k| {
+            let other = self.choices(k).filter(move |c| c.0 != sizes[k]);
             other.map(move |c| {
                 let mut next = sizes;
                 next[k] = c.0;
+                if has_upward {
+                    next[UPWARD_DRIFT] = self.upward_beside(next[AXIS_DRIFT]);
+                }
                 next
             })
-        })
+        });
+        let most = self.upward_beside(sizes[AXIS_DRIFT]);
+        independent.chain((most > 0.0).then(|| {
+            let mut next = sizes;
+            next[UPWARD_DRIFT] = if has_upward { 0.0 } else { most };
+            next
+        }))
     }
 }
 

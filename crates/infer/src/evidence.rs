@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 /// Coordinates in the order in which their weights are integrated out: axis drift and time have the
 /// most weights.
-const ORDER: [usize; COORDINATES] = [4, 3, 2, 1, 0];
+const ORDER: [usize; COORDINATES] = [5, 4, 3, 2, 1, 0];
 /// Columns whose products are taken at once.
 const BLOCK: usize = 32;
 /// Number of coordinates after which the partial result is cached.

@@ -8,7 +8,7 @@ use crate::fluctuation::{Fluctuation, FluctuationLaw};
 use crate::maximise::maximise;
 use crate::noise::{Loadings, Means, Noise, Whitener, log_likelihood};
 use crate::policy::Policy;
-use crate::rows::{ForwardModel, PlumePlace, Prediction, Rows};
+use crate::rows::{AxisTurn, ForwardModel, PlumePlace, Prediction, Rows};
 use crate::slopes::slopes;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use std::borrow::Cow;
@@ -17,8 +17,6 @@ use std::sync::Arc;
 
 /// Difference for derivatives, degrees of the axis.
 const DIFFERENCE_DEG: f64 = 0.05;
-/// ... and metres of its height.
-const DIFFERENCE_M: f64 = 0.5;
 /// Longest step of a weight, in its own standard deviations.
 const LONGEST_WEIGHT_SD: f64 = 2.0;
 /// Most tries to shorten a step until the next one promises less.
@@ -65,7 +63,7 @@ pub(crate) struct AxisDrift {
     /// When the first air that was met left the source, s.
     from_s: f64,
     /// Their means over the rows, and their slopes over time.
-    steady: [Vec<f64>; STEADY],
+    steady: [Vec<f64>; 2],
 }
 
 impl AxisDrift {
@@ -73,15 +71,13 @@ impl AxisDrift {
         let left_s = |row: usize| rows.time_s()[row] - model.under_way_s(row);
         let from_s = (0..rows.len()).map(left_s).fold(f64::INFINITY, f64::min);
         let axis_drift = Basis::of_axis_drift(rows.time_s(), from_s, policy);
-        let mut basis_functions = vec![0.0; rows.len() * axis_drift.len()];
-        for (row, out) in basis_functions
-            .chunks_exact_mut(axis_drift.len())
-            .enumerate()
-        {
+        let count = axis_drift.functions_per_direction();
+        let mut basis_functions = vec![0.0; rows.len() * count];
+        for (row, out) in basis_functions.chunks_exact_mut(count).enumerate() {
             axis_drift.fill_axis_drift_since(rows.time_s()[row], model.under_way_s(row), out);
         }
         Self {
-            steady: steady(rows.time_s(), &basis_functions, axis_drift.len()),
+            steady: steady(rows.time_s(), &basis_functions, count),
             axis_drift,
             basis_functions,
             from_s,
@@ -198,9 +194,26 @@ struct Local {
 }
 
 /// Columns of the first unknown and of the weights that may differ from zero.
-struct Places<'p> {
+struct Columns<'p> {
     unknowns: usize,
-    weights: &'p [usize],
+    discrepancy: &'p [usize],
+    sideways: &'p [usize],
+    upward: &'p [usize],
+}
+
+impl<'p> Columns<'p> {
+    /// The columns of unknowns from `unknowns` on, and of the active weights.
+    fn of(active: &Active, unknowns: usize, weights: &'p [usize]) -> Self {
+        let (discrepancy, axis_drift) = weights.split_at(active.of_discrepancy());
+        let of_sideways = active.coordinates().filter(|c| *c == AXIS_DRIFT).count();
+        let (sideways, upward) = axis_drift.split_at(of_sideways);
+        Self {
+            unknowns,
+            discrepancy,
+            sideways,
+            upward,
+        }
+    }
 }
 
 /// Basis functions with their sizes: which may have weights, and precisions of unknowns and these weights.
@@ -248,11 +261,11 @@ fn grown(there: &Prediction, growth: &[Growth]) -> Vec<f64> {
     plume.map(|(p, g)| p * g.factor).collect()
 }
 
-/// Number of steady parts of an axis drift: its mean and its slope.
-const STEADY: usize = 2;
+/// Number of steady parts of an axis drift: its mean and its slope to the sides, and its mean upwards.
+const STEADY: usize = 3;
 
 /// Means of basis functions over rows, and the standard deviations over rows of the straight lines through them.
-fn steady(time_s: &[f64], basis_functions: &[f64], count: usize) -> [Vec<f64>; STEADY] {
+fn steady(time_s: &[f64], basis_functions: &[f64], count: usize) -> [Vec<f64>; 2] {
     let rows = time_s.len().max(1) as f64;
     let middle_s = time_s.iter().sum::<f64>() / rows;
     let square: f64 = time_s.iter().map(|t| (t - middle_s).powi(2)).sum();
@@ -361,64 +374,64 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         ))
     }
 
-    /// Turn of the axis at every row, degrees: the axis drift's weights are always the last.
-    pub(crate) fn turns(&self, point: &Point) -> Vec<f64> {
+    /// Turn of the axis at every row: the axis drift's weights are always the last.
+    pub(crate) fn turns(&self, point: &Point) -> Vec<AxisTurn> {
         let n = self.turning.axis_drift.len();
         let weights = &point.weights[point.weights.len().saturating_sub(n)..];
         if weights.iter().all(|w| *w == 0.0) {
-            return vec![0.0; self.rows.len()];
+            return vec![AxisTurn::NONE; self.rows.len()];
         }
-        let turn = |basis_functions: &[f64]| {
-            basis_functions
-                .iter()
-                .zip(weights)
-                .map(|(b, w)| b * w)
-                .sum()
-        };
-        self.turning
-            .basis_functions
-            .chunks_exact(n)
-            .map(turn)
-            .collect()
+        let count = self.turning.axis_drift.functions_per_direction();
+        let values = self.turning.basis_functions.chunks_exact(count);
+        values.map(|values| Basis::turn(values, weights)).collect()
     }
 
     /// A fit to other rows with its axis drift expressed in the basis functions of these rows.
     pub(crate) fn with_own_axis_drift(&self, fit: &Fit) -> Fit {
-        let mut turns = vec![0.0; self.rows.len()];
-        for (row, turn) in turns.iter_mut().enumerate() {
+        let turn = |(row, time_s): (usize, &f64)| {
             let under_way_s = self.model.under_way_s(row);
-            *turn =
-                fit.basis
-                    .turn_since_deg(self.rows.time_s()[row], under_way_s, &fit.point.weights);
-        }
+            fit.basis
+                .turn_since(*time_s, under_way_s, &fit.point.weights)
+        };
+        let turns: Vec<AxisTurn> = self.rows.time_s().iter().enumerate().map(turn).collect();
         let mut out = fit.clone();
         out.tangent = None;
         out.basis = fit.basis.with_axis_drift_of(&self.turning.axis_drift);
         out.point.weights.truncate(fit.basis.of_discrepancy());
-        out.point.weights.extend(self.smoothed(&turns));
+        out.point.weights.extend(self.drift_weights(&turns));
         out
     }
 
-    /// The mean turn of the axis drift and its slope over their standard deviations: an axis drift turns to both
-    /// sides and back, a steady turn is a wind from elsewhere, and one that grows a wind that veers.
+    /// The steady parts of the axis drift over their standard deviations: an axis drift turns to both sides and back. A steady
+    /// turn is a wind from elsewhere, one that grows a wind that veers, and a steady climb another height of the plume.
     fn steady_turns(&self, basis: &Basis, weights: &[f64]) -> [f64; STEADY] {
-        let axis_drift = &weights[basis.of_discrepancy()..];
-        let sd_deg = self.axis_drift_steady_deg();
-        [0, 1].map(|s| {
-            let turns = self.turning.steady[s]
-                .iter()
-                .zip(axis_drift)
-                .map(|(m, w)| m * w);
-            turns.sum::<f64>() / sd_deg[s]
-        })
+        let axis_drift = basis.of_discrepancy()..weights.len();
+        let mut out = [0.0; STEADY];
+        for k in axis_drift {
+            let by = self.steady_turns_by(basis, k);
+            out.iter_mut()
+                .zip(by)
+                .for_each(|(out, by)| *out += by * weights[k]);
+        }
+        out
     }
 
-    /// What a weight adds to them.
+    /// What a weight of one adds to them.
     fn steady_turns_by(&self, basis: &Basis, weight: usize) -> [f64; STEADY] {
-        let axis_drift = weight.checked_sub(basis.of_discrepancy());
-        let of = |steady: &Vec<f64>| axis_drift.map_or(0.0, |k| steady[k]);
-        let sd_deg = self.axis_drift_steady_deg();
-        [0, 1].map(|s| of(&self.turning.steady[s]) / sd_deg[s])
+        let [mean, slope] = &self.turning.steady;
+        let policy = self.policy;
+        match weight.checked_sub(basis.of_discrepancy()) {
+            None => [0.0; STEADY],
+            Some(k) if k < mean.len() => [
+                mean[k] / policy.axis_drift_mean_deg,
+                slope[k] / policy.axis_drift_slope_deg,
+                0.0,
+            ],
+            Some(k) => {
+                let upward = mean[k - mean.len()];
+                [0.0, 0.0, upward / policy.axis_drift_mean_deg]
+            }
+        }
     }
 
     /// Rows of `columns` that say so, beside those of the readings: `places` gives weights with their columns.
@@ -441,13 +454,6 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
             row[columns - 1] = -steady;
         }
         rows
-    }
-
-    fn axis_drift_steady_deg(&self) -> [f64; STEADY] {
-        [
-            self.policy.axis_drift_mean_deg,
-            self.policy.axis_drift_slope_deg,
-        ]
     }
 
     /// The most probable point from `start` under `noise` and `sizes`.
@@ -719,6 +725,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
                 .collect(),
             per_degree: before.per_degree.clone(),
             per_sigma_z: before.per_sigma_z.clone(),
+            per_degree_up: before.per_degree_up.clone(),
             response_s: before.response_s.clone(),
         };
         let misfit = self.misfit(&there, &mean);
@@ -882,8 +889,8 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
     ) -> Option<f64> {
         metric.whitener.whiten(self.rows, &mut misfit, 1);
         let square: f64 = misfit.iter().map(|w| w * w).sum();
-        let [mean, slope] = self.steady_turns(shape.basis, &next.weights);
-        let square = square + mean * mean + slope * slope;
+        let steady = self.steady_turns(shape.basis, &next.weights);
+        let square = square + steady.iter().map(|s| s * s).sum::<f64>();
         let cost = 0.5 * square + self.prior_cost(next, shape);
         cost.is_finite().then_some(cost)
     }
@@ -997,54 +1004,51 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
     ) -> Result<Loadings, InferError> {
         let rows = self.rows.len();
         let turns = self.turns(point);
-        let turned = |by: f64| -> Result<Prediction, InferError> {
-            let turns: Vec<f64> = turns.iter().map(|t| t + by).collect();
+        let turned = |by: AxisTurn| -> Result<Prediction, InferError> {
+            let turn = |t: &AxisTurn| AxisTurn {
+                clockwise_deg: t.clockwise_deg + by.clockwise_deg,
+                upward_deg: t.upward_deg + by.upward_deg,
+            };
+            let turns: Vec<AxisTurn> = turns.iter().map(turn).collect();
             self.model.predict(&point.at, &turns)
         };
+        let sideways = |by_deg: f64| turned(AxisTurn::clockwise(by_deg));
         // Gauss-Hermite quadrature of three nodes: 0 and ±√3 standard deviations.
         let aside = 3f64.sqrt() * noise.wander_deg;
         let mut plume_sq = vec![0.0; rows];
         for (by, weight) in [(-aside, 1.0 / 6.0), (0.0, 2.0 / 3.0), (aside, 1.0 / 6.0)] {
-            for (sum, plume) in plume_sq.iter_mut().zip(turned(by)?.plume) {
+            for (sum, plume) in plume_sq.iter_mut().zip(sideways(by)?.plume) {
                 *sum += weight * plume * plume;
             }
         }
-        let (left, right) = (turned(-DIFFERENCE_DEG)?, turned(DIFFERENCE_DEG)?);
         let mut plume: Vec<f64> = plume_sq.into_iter().map(f64::sqrt).collect();
         let active = basis.weighted(&point.weights);
         let basis_functions = self.basis_functions(point, basis, &active, &plume)?;
         let growth = growth_of(&basis_functions, &active, point, &Fluctuation::none(rows));
-        let mut per_degree = Vec::with_capacity(rows);
-        for i in 0..rows {
-            let grown = (right.plume[i] - left.plume[i]) * (growth[i].factor - 1.0);
-            let slope = right.reading[i] - left.reading[i] + grown;
-            per_degree.push(slope / (2.0 * DIFFERENCE_DEG));
-            plume[i] *= growth[i].factor;
-        }
-        let per_sigma_z = self.per_sigma_z(point, &turns, &growth)?;
-        Ok(Loadings {
-            plume,
-            per_degree,
-            per_sigma_z,
-            response_s: self.model.response_s(&point.at)?,
-        })
-    }
-
-    /// Change of each row's reading where the axis lies higher by one σz; nothing in a model without a height.
-    fn per_sigma_z(
-        &self,
-        point: &Point,
-        turns_deg: &[f64],
-        growth: &[Growth],
-    ) -> Result<Vec<f64>, InferError> {
-        let raised = |by_m| self.model.predict_raised(&point.at, turns_deg, by_m);
-        let (Some(high), Some(low)) = (raised(DIFFERENCE_M)?, raised(-DIFFERENCE_M)?) else {
-            return Ok(vec![0.0; self.rows.len()]);
+        let per_degree = |less: Prediction, more: Prediction| -> Vec<f64> {
+            let of = |i: usize| {
+                let grown = (more.plume[i] - less.plume[i]) * (growth[i].factor - 1.0);
+                (more.reading[i] - less.reading[i] + grown) / (2.0 * DIFFERENCE_DEG)
+            };
+            (0..rows).map(of).collect()
         };
+        let to_side = per_degree(sideways(-DIFFERENCE_DEG)?, sideways(DIFFERENCE_DEG)?);
+        let upward = |upward_deg: f64| {
+            turned(AxisTurn {
+                clockwise_deg: 0.0,
+                upward_deg,
+            })
+        };
+        let per_degree_up = per_degree(upward(-DIFFERENCE_DEG)?, upward(DIFFERENCE_DEG)?);
+        for (plume, growth) in plume.iter_mut().zip(&growth) {
+            *plume *= growth.factor;
+        }
         let places = self.model.places(&point.at)?;
-        let of = |(i, place): (usize, &PlumePlace)| {
-            let per_m = (high.plume[i] - low.plume[i]) * growth[i].factor / (2.0 * DIFFERENCE_M);
-            let per_sigma_z = per_m * place.sigma_z_m;
+        let per_sigma_z = |(per_degree, place): (&f64, &PlumePlace)| {
+            let per_sigma_z = per_degree
+                * (place.sigma_z_m / place.ln_distance.exp())
+                    .atan()
+                    .to_degrees();
             // Upwind of the source there is no plume to rise.
             if per_sigma_z.is_finite() {
                 per_sigma_z
@@ -1052,7 +1056,13 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
                 0.0
             }
         };
-        Ok(places.iter().enumerate().map(of).collect())
+        Ok(Loadings {
+            plume,
+            per_sigma_z: per_degree_up.iter().zip(&places).map(per_sigma_z).collect(),
+            per_degree: to_side,
+            per_degree_up,
+            response_s: self.model.response_s(&point.at)?,
+        })
     }
 
     fn linearised(
@@ -1077,15 +1087,10 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         let columns = shape.precision.len() + 1;
         let unknowns = self.unknowns();
         let weights: Vec<usize> = (unknowns..columns - 1).collect();
-        let places = Places {
-            unknowns: 0,
-            weights: &weights,
-        };
-        let of_discrepancy = shape.active.of_discrepancy();
-        let per_degree = &metric.loadings.per_degree;
+        let places = Columns::of(&shape.active, 0, &weights);
         let whole = [self.rows.whole()];
         let by_block = self.products_of(&metric.whitener, columns, &whole, |i, row| {
-            self.fill_row(&local, of_discrepancy, per_degree, &places, i, row);
+            self.fill_row(&local, &metric.loadings, &places, i, row);
         });
         let places = shape.active.weights().zip(unknowns..);
         let steady = self.steady_rows(shape.basis, &point.weights, columns, places);
@@ -1188,30 +1193,34 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         })
     }
 
-    /// Derivatives of row `i` with respect to unknowns and weights, and the misfit as the last; the first `of_discrepancy`
-    /// weights belong to the discrepancy, the others to the axis drift.
+    /// Derivatives of row `i` with respect to unknowns and weights, and the misfit as the last.
     fn fill_row(
         &self,
         local: &Local,
-        of_discrepancy: usize,
-        per_degree: &[f64],
-        places: &Places<'_>,
+        loadings: &Loadings,
+        columns: &Columns<'_>,
         i: usize,
         row: &mut [f64],
     ) {
         for (k, slope) in local.tangent.slopes.iter().enumerate() {
-            row[places.unknowns + k] = slope[i];
+            row[columns.unknowns + k] = slope[i];
         }
-        let (form, axis_drift) = places.weights.split_at(of_discrepancy);
-        let basis_functions = &local.basis_functions[i * of_discrepancy..(i + 1) * of_discrepancy];
-        for (place, basis_function) in form.iter().zip(basis_functions) {
-            row[*place] = local.per_discrepancy[i] * basis_function;
-        }
-        let count = self.turning.axis_drift.len();
-        let basis_functions = &self.turning.basis_functions[i * count..(i + 1) * count];
-        for (place, basis_function) in axis_drift.iter().zip(basis_functions) {
-            row[*place] = per_degree[i] * basis_function;
-        }
+        let mut fill = |columns: &[usize], slope: f64, basis_functions: &[f64]| {
+            for (column, basis_function) in columns.iter().zip(basis_functions) {
+                row[*column] = slope * basis_function;
+            }
+        };
+        let n = columns.discrepancy.len();
+        let of_discrepancy = &local.basis_functions[i * n..(i + 1) * n];
+        fill(
+            columns.discrepancy,
+            local.per_discrepancy[i],
+            of_discrepancy,
+        );
+        let n = self.turning.axis_drift.functions_per_direction();
+        let of_drift = &self.turning.basis_functions[i * n..(i + 1) * n];
+        fill(columns.sideways, loadings.per_degree[i], of_drift);
+        fill(columns.upward, loadings.per_degree_up[i], of_drift);
         row[row.len() - 1] = local.misfit[i];
     }
 
@@ -1253,17 +1262,12 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         let tangent = fit.tangent.as_ref();
         let local = self.local(&fit.point, (&fit.basis, &all), &fit.fluctuation, tangent)?;
         let whitener = Whitener::new(self.rows, &fit.noise, &fit.loadings, &fit.inflation);
-        let places = Places {
-            unknowns: layout.unknowns,
-            weights: &layout.weights,
-        };
-        let of_discrepancy = all.of_discrepancy();
-        let per_degree = &fit.loadings.per_degree;
+        let places = Columns::of(&all, layout.unknowns, &layout.weights);
         let mut products = self.products_of(&whitener, layout.columns, blocks, |i, row| {
             for (column, value) in row[layout.tried..].iter_mut().zip(tried) {
                 *column = value[i];
             }
-            self.fill_row(&local, of_discrepancy, per_degree, &places, i, row);
+            self.fill_row(&local, &fit.loadings, &places, i, row);
         });
         let places = layout.weights.iter().copied().enumerate();
         let steady = self.steady_rows(&fit.basis, &fit.point.weights, layout.columns, places);

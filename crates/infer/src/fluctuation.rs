@@ -106,6 +106,7 @@ impl Fluctuation {
             loadings.plume[i] *= e;
             loadings.per_degree[i] *= e;
             loadings.per_sigma_z[i] *= e;
+            loadings.per_degree_up[i] *= e;
         }
         Self {
             deviation,
@@ -156,6 +157,7 @@ mod tests {
                 plume: vec![100.0],
                 per_degree: vec![0.0],
                 per_sigma_z: vec![0.0],
+                per_degree_up: vec![0.0],
                 response_s: Vec::new(),
             };
             let misfit = [read - 100.0];

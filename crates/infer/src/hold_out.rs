@@ -1,17 +1,24 @@
 //! Hold-out prediction: readings of a pass predicted from the others, and the log score.
 
 use crate::InferError;
-use crate::discrepancy::{AXIS_DRIFT, Sizes};
+use crate::discrepancy::{AXIS_DRIFT, Sizes, UPWARD_DRIFT};
 use crate::evidence::{Evidence, Known, Products};
 use crate::mechanism_search::{Catalogue, FittedSet, Question};
 use crate::parallel_map::parallel_map;
-use crate::rows::Prediction;
+use crate::rows::{AxisTurn, Prediction};
 use std::ops::Range;
 
 /// The axis in a held-out pass is unknown, so the prediction is a mean over turns: their range in standard deviations to
 /// both sides, and their number.
 const REACH_SD: f64 = 2.5;
 const TURNS: usize = 15;
+/// Upward turns in standard deviations, with their weights: Gauss-Hermite quadrature of three nodes, as the plume is wide
+/// against them.
+const UPWARD: [(f64, f64); 3] = [
+    (-1.732_050_807_568_877, 1.0 / 6.0),
+    (0.0, 2.0 / 3.0),
+    (1.732_050_807_568_877, 1.0 / 6.0),
+];
 
 /// A set's products pass by pass.
 pub(crate) struct ByPass {
@@ -102,19 +109,14 @@ impl Question<'_> {
         with: &FittedSet<M>,
         passes: &[Vec<Range<usize>>],
     ) -> Result<[Expected; 2], InferError> {
-        let sd_deg = self.unseen_deg(with);
+        let turns = unseen_turns(with);
         Ok([
-            self.expected(without, passes, sd_deg)?,
-            self.expected(with, passes, sd_deg)?,
+            self.expected(without, passes, &turns)?,
+            self.expected(with, passes, &turns)?,
         ])
     }
 
-    /// Standard deviation of the axis in a held-out pass: its drift and its wander, degrees.
-    fn unseen_deg<M: Catalogue>(&self, of: &FittedSet<M>) -> f64 {
-        of.likeliest_sizes()[AXIS_DRIFT].hypot(of.fit().noise.wander_deg)
-    }
-
-    /// Predictions of every held-out pass by a set, with the axis uncertain by `sd_deg`.
+    /// Predictions of every held-out pass by a set: means over `turns` of the axis, each with its weight.
     ///
     /// # Errors
     /// Values that the model refuses.
@@ -122,18 +124,12 @@ impl Question<'_> {
         &self,
         of: &FittedSet<M>,
         passes: &[Vec<Range<usize>>],
-        sd_deg: f64,
+        turns: &[(AxisTurn, f64)],
     ) -> Result<Expected, InferError> {
         let by_pass = self.by_pass(of, passes)?;
         let n = self.rows.len();
         let fit = of.fit();
         let coordinates: Vec<usize> = fit.basis.coordinates().collect();
-        let turns: Vec<(f64, f64)> = (0..TURNS)
-            .map(|k| {
-                let z = REACH_SD * (2.0 * k as f64 / (TURNS - 1) as f64 - 1.0);
-                (z * sd_deg, (-0.5 * z * z).exp())
-            })
-            .collect();
         let total: f64 = turns.iter().map(|t| t.1).sum();
         let mut out = Expected {
             reading: vec![0.0; n],
@@ -159,4 +155,26 @@ impl Question<'_> {
         }
         Ok(out)
     }
+}
+
+/// Turns that the axis may have in a held-out pass, with their weights: by its drift, and to the sides by its wander as well.
+fn unseen_turns<M: Catalogue>(of: &FittedSet<M>) -> Vec<(AxisTurn, f64)> {
+    let sizes = of.likeliest_sizes();
+    let sideways_deg = sizes[AXIS_DRIFT].hypot(of.fit().noise.wander_deg);
+    let upward_deg = sizes[UPWARD_DRIFT];
+    let sideways = (0..TURNS).map(|k| REACH_SD * (2.0 * k as f64 / (TURNS - 1) as f64 - 1.0));
+    let upward: &[_] = if upward_deg > 0.0 {
+        &UPWARD
+    } else {
+        &UPWARD[1..2]
+    };
+    let turn = |z: f64, (up, weight): &(f64, f64)| {
+        let turn = AxisTurn {
+            clockwise_deg: z * sideways_deg,
+            upward_deg: up * upward_deg,
+        };
+        (turn, weight * (-0.5 * z * z).exp())
+    };
+    let turns = sideways.flat_map(|z| upward.iter().map(move |up| turn(z, up)));
+    turns.collect()
 }

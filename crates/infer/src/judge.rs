@@ -267,9 +267,9 @@ impl Question<'_> {
         let found = set.likeliest_sizes();
         let ordinary = self.policy.tolerated_sizes(&found);
         let mut swinging = ordinary;
-        swinging[AXIS_DRIFT] = found[AXIS_DRIFT];
+        swinging[AXIS_DRIFT..].copy_from_slice(&found[AXIS_DRIFT..]);
         let mut formed = found;
-        formed[AXIS_DRIFT] = ordinary[AXIS_DRIFT];
+        formed[AXIS_DRIFT..].copy_from_slice(&ordinary[AXIS_DRIFT..]);
         let freedoms = [
             (RestKind::Noise, ordinary, true),
             (RestKind::AxisMotion, swinging, false),

@@ -14,7 +14,9 @@
 //! [`Problem::posterior`] answers.
 //!
 //! ```
-//! use infer::{ForwardModel, InferError, PlumePlace, Policy, Prediction, Prior, Problem, Rows};
+//! use infer::{
+//!     AxisTurn, ForwardModel, InferError, PlumePlace, Policy, Prediction, Prior, Problem, Rows,
+//! };
 //!
 //! /// A plume that is crossed: a bell of unknown height on an unknown background.
 //! struct Crossing([Prior; 2]);
@@ -29,12 +31,12 @@
 //!     fn starts(&self) -> Vec<Vec<f64>> {
 //!         Vec::new()
 //!     }
-//!     fn predict(&self, at: &[f64], turn_deg: &[f64]) -> Result<Prediction, InferError> {
-//!         let bell = |(k, turn): (usize, &f64)| {
-//!             let across = (k as f64 - 50.0) / 8.0 - 0.2 * turn;
+//!     fn predict(&self, at: &[f64], turns: &[AxisTurn]) -> Result<Prediction, InferError> {
+//!         let bell = |(k, turn): (usize, &AxisTurn)| {
+//!             let across = (k as f64 - 50.0) / 8.0 - 0.2 * turn.clockwise_deg;
 //!             at[1].exp() * (-0.5 * across * across).exp()
 //!         };
-//!         let plume: Vec<f64> = turn_deg.iter().enumerate().map(bell).collect();
+//!         let plume: Vec<f64> = turns.iter().enumerate().map(bell).collect();
 //!         let reading = plume.iter().map(|p| at[0] + p).collect();
 //!         Ok(Prediction { reading, plume })
 //!     }
@@ -55,7 +57,7 @@
 //!     Prior { mean: 3.0, sd: 2.0 },
 //! ]);
 //! // 120 above 410, with a pattern of ±1 as noise.
-//! let truth = model.predict(&[410.0, 120f64.ln()], &[0.0; 100])?;
+//! let truth = model.predict(&[410.0, 120f64.ln()], &[AxisTurn::NONE; 100])?;
 //! let noisy = |(k, r): (usize, &f64)| r + f64::from(u8::from(k * k % 7 < 3)) * 2.0 - 1.0;
 //! let measured = truth.reading.iter().enumerate().map(noisy).collect();
 //! let times = (0..100).map(f64::from).collect();
@@ -96,7 +98,7 @@ mod start;
 pub use background::Along;
 pub use closest_model::ClosestModel;
 pub use contact::Contact;
-pub use discrepancy::{AXIS_DRIFT, Basis, COORDINATES, Sizes};
+pub use discrepancy::{AXIS_DRIFT, Basis, COORDINATES, Sizes, UPWARD_DRIFT};
 pub use fit::{Fit, Point, Problem};
 pub use hold_out::Expected;
 pub use judge::{Cause, Judgement, Rest, RestKind};
@@ -108,7 +110,7 @@ pub use policy::{NAMED, Policy};
 pub use posterior::{Estimate, Posterior};
 pub use predicted_readings::{NormalPosterior, PredictedReadings};
 pub use probability::{CauseMap, Features};
-pub use rows::{ForwardModel, PlumePlace, Prediction, Prior, Rows};
+pub use rows::{AxisTurn, ForwardModel, PlumePlace, Prediction, Prior, Rows};
 
 /// What this crate refuses.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

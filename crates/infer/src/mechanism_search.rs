@@ -14,7 +14,7 @@ use crate::noise::Noise;
 use crate::parallel_map::parallel_map;
 use crate::policy::Policy;
 use crate::posterior::{Posterior, REFITS, Weighed};
-use crate::rows::{ForwardModel, PlumePlace, Prediction, Rows};
+use crate::rows::{AxisTurn, ForwardModel, PlumePlace, Prediction, Rows};
 
 /// Start of the search for a mechanism, in the coordinates of its unknowns.
 #[derive(Debug, Clone, PartialEq)]
@@ -55,7 +55,7 @@ pub trait Catalogue: ForwardModel + Clone + Send {
     fn predict_with(
         &self,
         at: &[f64],
-        turn_deg: &[f64],
+        turns: &[AxisTurn],
         tried: &Self::Hypothesis,
         end: &[f64],
     ) -> Result<Prediction, InferError>;
@@ -399,8 +399,8 @@ impl<'a> Question<'a> {
         self.beside(of, &of.model).nearest(believed)
     }
 
-    /// Turn of the axis at every row in a set, degrees clockwise.
-    pub fn turns_deg<M: Catalogue>(&self, of: &FittedSet<M>) -> Vec<f64> {
+    /// Turn of the axis at every row in a set.
+    pub fn turns<M: Catalogue>(&self, of: &FittedSet<M>) -> Vec<AxisTurn> {
         self.beside(of, &of.model).turns(&of.fit().point)
     }
 

@@ -112,6 +112,8 @@ pub struct Loadings {
     pub per_degree: Vec<f64>,
     /// Change of each row's reading where the axis is higher by one σz.
     pub per_sigma_z: Vec<f64>,
+    /// Change of each row's reading where the axis turns up by one degree.
+    pub per_degree_up: Vec<f64>,
     /// Response time of each row's sensor, s; empty where all show the air at once.
     pub response_s: Vec<f64>,
 }
@@ -597,6 +599,7 @@ mod tests {
             plume: vec![0.0, 10.0, 40.0, 30.0, 0.5, 0.0, 20.0, 3.0],
             per_degree: vec![0.0, 4.0, 1.0, -6.0, -0.2, 0.0, -8.0, 1.0],
             per_sigma_z: vec![0.0, 6.0, -20.0, 9.0, 0.1, 0.0, -5.0, 2.0],
+            per_degree_up: Vec::new(),
             response_s: vec![4.0, 4.0, 4.0, 4.0, 4.0, 0.0, 0.0, 0.0],
         };
         (rows.unwrap(), loadings, misfit.to_vec())

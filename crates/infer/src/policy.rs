@@ -35,9 +35,13 @@ pub struct Policy {
     /// Size of the discrepancy on each coordinate where it is none: no plume is Gaussian to a
     /// hundredth.
     pub discrepancy_least: f64,
-    /// Sizes of the drift of the axis that are tried besides none, degrees: a wind that veers within an
-    /// hour, and one that turns.
-    pub axis_drift_sizes_deg: [f64; 2],
+    /// Sizes of the drift of the axis to the sides that are tried besides none, degrees: a wind that veers within an hour,
+    /// ordinary air (`noise_tolerated`), and a wind that turns.
+    pub axis_drift_sizes_deg: [f64; 3],
+    /// Size of the drift of the axis up and down over that to the sides: the ratio of the neutral spectra of vertical and
+    /// lateral wind at low frequencies, √(2.1 / 17) (Kaimal and others 1972). A wind that turns rises no more than ordinary
+    /// air.
+    pub upward_over_sideways: f64,
     /// Standard deviation of the axis drift's mean over a record, degrees: a steady turn is no axis drift.
     pub axis_drift_mean_deg: f64,
     /// Standard deviation of the straight line through an axis drift over a record, degrees; infinite where no
@@ -121,7 +125,8 @@ impl Default for Policy {
             discrepancy_most_basis_functions: 24,
             discrepancy_sizes: [0.1, 0.4],
             discrepancy_least: 0.01,
-            axis_drift_sizes_deg: [3.0, 15.0],
+            axis_drift_sizes_deg: [3.0, 5.0, 15.0],
+            upward_over_sideways: 0.35,
             axis_drift_mean_deg: 0.3,
             axis_drift_slope_deg: f64::INFINITY,
             discrepancy_none: 0.75,

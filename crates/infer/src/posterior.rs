@@ -7,7 +7,7 @@ use crate::evidence::{Evidence, Known, Layout, Products};
 use crate::fit::{AxisDrift, Fit, Point, Problem};
 use crate::noise::Noise;
 use crate::parallel_map::parallel_map;
-use crate::rows::{ForwardModel, PlumePlace};
+use crate::rows::{AxisTurn, ForwardModel, PlumePlace};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use std::sync::Arc;
 
@@ -646,34 +646,57 @@ impl Posterior {
         axis_drift.iter().any(|weight| *weight != 0.0)
     }
 
-    /// Turn of the axis at a time, degrees clockwise, beside the means of the unknowns: what of a steady turn
+    /// Turn of the axis at a time beside the means of the unknowns: what of a steady turn
     /// the mean lays on the unknown axis it takes from here.
+    pub fn turn(&self, time_s: f64) -> AxisTurn {
+        self.fit.basis.turn_since(time_s, 0.0, &self.mean_weights)
+    }
+
+    /// The same to the side alone.
     pub fn turn_deg(&self, time_s: f64) -> f64 {
-        self.fit.basis.turn_deg(time_s, &self.mean_weights)
+        self.turn(time_s).clockwise_deg
     }
 
     /// Mean turn of the axis at these times, degrees clockwise, with how far it may be off, together with the
     /// unknown that turns the axis for good, if there is one.
     pub fn mean_turn(&self, times_s: &[f64], beside: Option<usize>) -> Estimate {
-        let axis_drift = &self.layout.weights[self.fit.basis.of_discrepancy()..];
-        let mut basis_functions = vec![0.0; axis_drift.len()];
+        let (value, mut function) = self.mean_drift(times_s, 0);
+        if let Some(k) = beside {
+            function[(0, self.layout.unknowns + k)] = 1.0;
+        }
+        self.estimate_of(value, &function)
+    }
+
+    /// Mean turn of the axis upwards at these times, degrees, with how far it may be off.
+    pub fn mean_rise(&self, times_s: &[f64]) -> Estimate {
+        let (value, function) = self.mean_drift(times_s, 1);
+        self.estimate_of(value, &function)
+    }
+
+    /// Mean of the axis drift in a direction, to the sides or upwards, at these times, degrees: its value, and it as a linear
+    /// function of all columns.
+    fn mean_drift(&self, times_s: &[f64], direction: usize) -> (f64, DMatrix<f64>) {
+        let n = self.fit.basis.functions_per_direction();
+        let first = self.fit.basis.of_discrepancy() + direction * n;
+        let mut basis_functions = vec![0.0; n];
         let mut function = DMatrix::zeros(1, self.layout.tried);
         let (count, mut value) = (times_s.len() as f64, 0.0);
         for time_s in times_s {
             self.fit
                 .basis
                 .fill_axis_drift(*time_s, &mut basis_functions);
-            for (place, basis_function) in axis_drift.iter().zip(&basis_functions) {
-                function[(0, *place)] += basis_function / count;
+            for (k, basis_function) in (first..).zip(&basis_functions) {
+                function[(0, self.layout.weights[k])] += basis_function / count;
+                value += self.mean_weights[k] * basis_function / count;
             }
-            value += self.turn_deg(*time_s) / count;
         }
-        if let Some(k) = beside {
-            function[(0, self.layout.unknowns + k)] = 1.0;
-        }
+        (value, function)
+    }
+
+    fn estimate_of(&self, value: f64, function: &DMatrix<f64>) -> Estimate {
         Estimate {
             value,
-            sd: self.covariance_of(&function)[(0, 0)].max(0.0).sqrt(),
+            sd: self.covariance_of(function)[(0, 0)].max(0.0).sqrt(),
         }
     }
 

@@ -14,7 +14,7 @@ use crate::discrepancy::{Basis, Sizes};
 use crate::fit::{Point, Problem};
 use crate::mechanism_search::{Catalogue, FittedSet, Question};
 use crate::noise::{Loadings, Noise};
-use crate::rows::{ForwardModel, PlumePlace, Prediction, Prior, Rows};
+use crate::rows::{AxisTurn, ForwardModel, PlumePlace, Prediction, Prior, Rows};
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 /// Future readings as one set predicts them.
@@ -82,7 +82,7 @@ impl<'a> Question<'a> {
         time_s: &[f64],
     ) -> Result<PredictedReadings<'a>, InferError> {
         let n = time_s.len();
-        let expected = there.predict(first.at(), &vec![0.0; n])?.reading;
+        let expected = there.predict(first.at(), &vec![AxisTurn::NONE; n])?.reading;
         let unstated = vec![f64::NAN; n];
         let rows = Rows::new(
             std::iter::once(0..n).collect(),
@@ -173,22 +173,12 @@ impl<M: ForwardModel> ForwardModel for Moved<'_, M> {
         Vec::new()
     }
 
-    fn predict(&self, at: &[f64], turn_deg: &[f64]) -> Result<Prediction, InferError> {
-        self.model.predict(&self.believed.moved(at), turn_deg)
+    fn predict(&self, at: &[f64], turns: &[AxisTurn]) -> Result<Prediction, InferError> {
+        self.model.predict(&self.believed.moved(at), turns)
     }
 
     fn under_way_s(&self, row: usize) -> f64 {
         self.model.under_way_s(row)
-    }
-
-    fn predict_raised(
-        &self,
-        at: &[f64],
-        turn_deg: &[f64],
-        by_m: f64,
-    ) -> Result<Option<Prediction>, InferError> {
-        self.model
-            .predict_raised(&self.believed.moved(at), turn_deg, by_m)
     }
 
     fn response_s(&self, at: &[f64]) -> Result<Vec<f64>, InferError> {
@@ -237,12 +227,12 @@ mod tests {
             Vec::new()
         }
 
-        fn predict(&self, at: &[f64], turn_deg: &[f64]) -> Result<Prediction, InferError> {
+        fn predict(&self, at: &[f64], turns: &[AxisTurn]) -> Result<Prediction, InferError> {
             let bent = |t: f64| self.background * (t / 25.0).sin();
             let row = |k: usize| bent(k as f64) + at[0] * k as f64 / 40.0 + at[1];
             Ok(Prediction {
-                reading: (0..turn_deg.len()).map(row).collect(),
-                plume: vec![0.0; turn_deg.len()],
+                reading: (0..turns.len()).map(row).collect(),
+                plume: vec![0.0; turns.len()],
             })
         }
 
@@ -277,7 +267,10 @@ mod tests {
         let policy = Policy::default();
         let (first, second) = (line(8.0), line(0.0));
         let time_s: Vec<f64> = (0..ROWS).map(|k| k as f64).collect();
-        let expected = first.predict(&[1.0, 5.0], &[0.0; ROWS]).unwrap().reading;
+        let expected = first
+            .predict(&[1.0, 5.0], &[AxisTurn::NONE; ROWS])
+            .unwrap()
+            .reading;
         let series = std::iter::once(0..ROWS).collect();
         let unstated = vec![f64::NAN; ROWS];
         let rows = Rows::new(series, time_s, expected.clone(), unstated, vec![true; ROWS]).unwrap();
@@ -286,6 +279,7 @@ mod tests {
             plume: vec![0.0; ROWS],
             per_degree: vec![0.0; ROWS],
             per_sigma_z: vec![0.0; ROWS],
+            per_degree_up: vec![0.0; ROWS],
             response_s: Vec::new(),
         };
         let ahead = PredictedReadings {
@@ -305,7 +299,10 @@ mod tests {
         let believed = |covariance: &DMatrix<f64>| {
             NormalPosterior::new(&at, covariance.clone(), [0.0; COORDINATES], NOISE).unwrap()
         };
-        let there = second.predict(&at, &[0.0; ROWS]).unwrap().reading;
+        let there = second
+            .predict(&at, &[AxisTurn::NONE; ROWS])
+            .unwrap()
+            .reading;
         let apart = DVector::from_vec(expected) - DVector::from_vec(there);
         for size in [0.01, 1.0, 10.0] {
             let covariance: DMatrix<f64> =

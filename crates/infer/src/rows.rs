@@ -179,6 +179,31 @@ pub struct PlumePlace {
     pub sigma_z_m: f64,
 }
 
+/// A turn of a plume's axis about its source.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct AxisTurn {
+    /// To the side, degrees clockwise seen from above.
+    pub clockwise_deg: f64,
+    /// Upwards, degrees; nothing in a model whose axis has no height.
+    pub upward_deg: f64,
+}
+
+impl AxisTurn {
+    /// None.
+    pub const NONE: Self = Self {
+        clockwise_deg: 0.0,
+        upward_deg: 0.0,
+    };
+
+    /// To the side alone.
+    pub fn clockwise(deg: f64) -> Self {
+        Self {
+            clockwise_deg: deg,
+            upward_deg: 0.0,
+        }
+    }
+}
+
 /// A model of readings with unknowns.
 pub trait ForwardModel: Sync {
     /// What is known of each unknown beforehand.
@@ -190,25 +215,11 @@ pub trait ForwardModel: Sync {
     /// Points from which a search starts; the mean of the priors is always tried.
     fn starts(&self) -> Vec<Vec<f64>>;
 
-    /// Readings expected of the unknowns `at`, the axis of each row turned by `turn_deg` degrees
-    /// clockwise.
+    /// Readings expected of the unknowns `at`, the axis of each row turned by `turns`.
     ///
     /// # Errors
     /// Values that the model refuses.
-    fn predict(&self, at: &[f64], turn_deg: &[f64]) -> Result<Prediction, InferError>;
-
-    /// The same where the axis lies higher by so many metres; none where the model has no axis of a height.
-    ///
-    /// # Errors
-    /// Values that the model refuses.
-    fn predict_raised(
-        &self,
-        _at: &[f64],
-        _turn_deg: &[f64],
-        _by_m: f64,
-    ) -> Result<Option<Prediction>, InferError> {
-        Ok(None)
-    }
+    fn predict(&self, at: &[f64], turns: &[AxisTurn]) -> Result<Prediction, InferError>;
 
     /// How long the air of a row has been under way since the source let it go, s: its axis has turned as
     /// the wind did on the average over that time. Zero where the whole plume turns at once.

@@ -2,7 +2,7 @@
 //! sensors do, share one prediction.
 
 use crate::InferError;
-use crate::rows::{ForwardModel, Prediction};
+use crate::rows::{AxisTurn, ForwardModel, Prediction};
 use std::ops::Range;
 
 /// Differences for derivatives: part of a prior's standard deviation.
@@ -13,7 +13,7 @@ const DIFFERENCE_SD: f64 = 1e-3;
 pub(crate) fn slopes(
     model: &impl ForwardModel,
     at: &[f64],
-    turns_deg: &[f64],
+    turns: &[AxisTurn],
     here: &Prediction,
     growth: impl Fn(usize) -> f64,
 ) -> Result<Vec<Vec<f64>>, InferError> {
@@ -26,7 +26,7 @@ pub(crate) fn slopes(
     for together in apart(&rows_of) {
         let mut aside = at.to_vec();
         together.iter().for_each(|&k| aside[k] += step(k));
-        let there = model.predict(&aside, turns_deg)?;
+        let there = model.predict(&aside, turns)?;
         for k in together {
             let mut slope = vec![0.0; n];
             for i in rows_of[k].clone() {

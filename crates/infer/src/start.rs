@@ -4,7 +4,7 @@
 use crate::InferError;
 use crate::fit::{Point, Problem, axis_drift_alone};
 use crate::noise::Noise;
-use crate::rows::{ForwardModel, Prediction, Prior};
+use crate::rows::{AxisTurn, ForwardModel, Prediction, Prior};
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
 
@@ -31,7 +31,7 @@ impl<M: ForwardModel> Problem<'_, M> {
         let priors = self.model.priors();
         let mut starts = self.model.starts();
         starts.push(priors.iter().map(|p| p.mean).collect());
-        let still = vec![0.0; self.rows.len()];
+        let still = vec![AxisTurn::NONE; self.rows.len()];
         let mut best: Option<(f64, Vec<f64>)> = None;
         for mut at in starts {
             let mut there = self.model.predict(&at, &still)?;
@@ -105,7 +105,9 @@ impl<M: ForwardModel> Problem<'_, M> {
         let mut point = start.clone();
         for _ in 0..ROUNDS {
             let mut loadings = self.loadings(&point, &basis, &noise)?;
-            let there = self.model.predict(&point.at, &vec![0.0; self.rows.len()])?;
+            let there = self
+                .model
+                .predict(&point.at, &vec![AxisTurn::NONE; self.rows.len()])?;
             for i in (0..self.rows.len()).filter(|&i| self.rows.is_used(i)) {
                 let read = self.rows.measured()[i] - (there.reading[i] - there.plume[i]);
                 loadings.plume[i] = loadings.plume[i].max(read);
@@ -124,26 +126,33 @@ impl<M: ForwardModel> Problem<'_, M> {
         let turns: Vec<f64> = (-half..=half).map(|k| f64::from(k) * SPACING_DEG).collect();
         let mut scores = Vec::with_capacity(turns.len());
         for turn in &turns {
-            let there = self
-                .model
-                .predict(&point.at, &vec![*turn; self.rows.len()])?;
+            let there = self.model.predict(
+                &point.at,
+                &vec![AxisTurn::clockwise(*turn); self.rows.len()],
+            )?;
             scores.push(self.rough_scores(&there));
         }
-        let mut path = vec![0.0; self.rows.len()];
+        let mut path = vec![AxisTurn::NONE; self.rows.len()];
         for range in self.rows.series() {
             self.walk(range, &turns, &scores, &mut path);
         }
-        let square: f64 = path.iter().map(|t| t * t).sum();
+        let square: f64 = path.iter().map(|t| t.clockwise_deg.powi(2)).sum();
         let size_deg = (square / path.len().max(1) as f64).sqrt();
         let next = Point {
-            weights: self.smoothed(&path),
+            weights: self.drift_weights(&path),
             ..point.clone()
         };
         Ok((next, size_deg))
     }
 
     /// The most probable turns of one series.
-    fn walk(&self, series: Range<usize>, turns: &[f64], scores: &[Vec<f64>], path: &mut [f64]) {
+    fn walk(
+        &self,
+        series: Range<usize>,
+        turns: &[f64],
+        scores: &[Vec<f64>],
+        path: &mut [AxisTurn],
+    ) {
         let time_s = self.rows.time_s();
         let mut held: Vec<Range<usize>> = Vec::new();
         for i in series {
@@ -174,22 +183,27 @@ impl<M: ForwardModel> Problem<'_, M> {
         let least = (0..turns.len()).min_by(|a, b| total[*a].total_cmp(&total[*b]));
         let mut at = least.unwrap_or_default();
         for (rows, from) in held.iter().zip(&came).rev() {
-            path[rows.clone()].fill(turns[at]);
+            path[rows.clone()].fill(AxisTurn::clockwise(turns[at]));
             at = from[at];
         }
     }
 
-    /// Weights of the axis drift whose turns are nearest to a path, by least squares.
-    pub(crate) fn smoothed(&self, path: &[f64]) -> Vec<f64> {
+    /// Weights of the axis drift whose turns are nearest to `turns`, by least squares.
+    pub(crate) fn drift_weights(&self, turns: &[AxisTurn]) -> Vec<f64> {
         // Keeps basis functions that no row tells apart at rest.
         const RIDGE: f64 = 1e-3;
-        let n = self.turning.axis_drift.len();
-        let basis_functions =
-            DMatrix::from_column_slice(n, path.len(), &self.turning.basis_functions);
-        let ridge = DMatrix::identity(n, n) * RIDGE * path.len().max(1) as f64;
-        let square = &basis_functions * basis_functions.transpose() + ridge;
-        let product = basis_functions * DVector::from_column_slice(path);
-        let solved = square.cholesky().map(|c| c.solve(&product));
-        solved.map_or_else(|| vec![0.0; n], |w| w.as_slice().to_vec())
+        let n = self.turning.axis_drift.functions_per_direction();
+        let (rows, values) = (turns.len(), &self.turning.basis_functions);
+        let basis_functions = DMatrix::from_column_slice(n, rows, values);
+        let ridge = DMatrix::identity(n, n) * RIDGE * rows.max(1) as f64;
+        let square = (&basis_functions * basis_functions.transpose() + ridge).cholesky();
+        let nearest = |of: fn(&AxisTurn) -> f64| {
+            let path = DVector::from_iterator(rows, turns.iter().map(of));
+            let solved = square.as_ref().map(|c| c.solve(&(&basis_functions * path)));
+            solved.unwrap_or_else(|| DVector::zeros(n))
+        };
+        let sideways = nearest(|turn| turn.clockwise_deg);
+        let upward = nearest(|turn| turn.upward_deg);
+        sideways.iter().chain(&upward).copied().collect()
     }
 }

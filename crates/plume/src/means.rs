@@ -280,6 +280,15 @@ impl Means {
         }
     }
 
+    /// The same in a plume whose axis rises from a source at these slopes, degrees, at every row.
+    pub fn inclined(&self, upward_deg: &[f64], source: Enu) -> Self {
+        let slopes: Vec<f64> = self.row_of.iter().map(|i| upward_deg[*i]).collect();
+        Self {
+            points: self.points.inclined(&slopes, source),
+            ..self.clone()
+        }
+    }
+
     /// The same in a wind turned clockwise by some degrees at every row.
     pub fn turned(&self, clockwise_deg: &[f64]) -> Self {
         let turns: Vec<f64> = self.row_of.iter().map(|i| clockwise_deg[*i]).collect();

@@ -30,6 +30,8 @@ pub struct Track {
     east_m: Arc<[f64]>,
     north_m: Arc<[f64]>,
     height_m: Arc<[f64]>,
+    /// The same above an axis that the air has not raised, where it has raised some.
+    height_in_plume_m: Arc<[f64]>,
     /// All that differs between winds, for which tracks are made by the hundred.
     transport: Vec<Transport>,
     ppm_per_mol_m3: Arc<[f64]>,
@@ -60,6 +62,7 @@ impl Track {
         let ranges = ranges(platforms.len(), rows)?;
         let spec = model.spec();
         let transport: Vec<Transport> = rows.iter().map(|r| row_transport(spec, r)).collect();
+        let height_m: Arc<[f64]> = rows.iter().map(|r| r.place.height_agl_m).collect();
         Ok(Self {
             platforms: platforms.into(),
             samples: SamplePoints::new(model, &ranges, rows, &transport).into(),
@@ -67,7 +70,8 @@ impl Track {
             time_s: rows.iter().map(|r| r.time_s).collect(),
             east_m: rows.iter().map(|r| r.place.east_m).collect(),
             north_m: rows.iter().map(|r| r.place.north_m).collect(),
-            height_m: rows.iter().map(|r| r.place.height_agl_m).collect(),
+            height_in_plume_m: Arc::clone(&height_m),
+            height_m,
             transport,
             ppm_per_mol_m3: rows
                 .iter()
@@ -244,6 +248,21 @@ impl Track {
         out
     }
 
+    /// The same track in a plume whose axis rises from a source at these slopes, degrees, at every row.
+    #[must_use]
+    pub fn inclined(&self, upward_deg: &[f64], source: Enu) -> Self {
+        let mut out = self.clone();
+        if let Some(means) = &mut out.means {
+            **means = means.inclined(upward_deg, source);
+        }
+        let below_m = |(i, deg): (usize, &f64)| {
+            let far_m = (self.east_m[i] - source.east_m).hypot(self.north_m[i] - source.north_m);
+            self.height_m[i] - far_m * deg.to_radians().tan()
+        };
+        out.height_in_plume_m = upward_deg.iter().enumerate().map(below_m).collect();
+        out
+    }
+
     /// Where every row lies in the plume of the first source; none upwind of it.
     pub fn in_first_plume(&self, model: &DispersionModel) -> Vec<Option<InPlume>> {
         if let Some(means) = &self.means {
@@ -325,7 +344,7 @@ impl Track {
             places: PlaceColumns {
                 east_m: &self.east_m[range.clone()],
                 north_m: &self.north_m[range.clone()],
-                height_agl_m: &self.height_m[range.clone()],
+                height_agl_m: &self.height_in_plume_m[range.clone()],
             },
             time_s: &self.time_s[range.clone()],
             wind: &self.transport[range.clone()],
@@ -366,7 +385,8 @@ impl Track {
             let place = self.place_on(row, share);
             conditions.east_m.push(place.east_m);
             conditions.north_m.push(place.north_m);
-            conditions.height_m.push(place.height_agl_m);
+            let height_m = interpolated(&self.height_in_plume_m, row, share);
+            conditions.height_m.push(height_m);
             conditions.time_s.push(time_s);
             conditions.wind.push(self.transport_on(row, share));
             let ppm = interpolated(&self.ppm_per_mol_m3, row, share);

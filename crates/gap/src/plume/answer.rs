@@ -12,6 +12,7 @@ use infer::{AXIS_DRIFT, Along, Cause as Named, FittedSet, InferError, RestKind};
 use super::catalogue::Hypothesis;
 use super::data::{Data, Setup, mean_transport};
 use super::gain::{Gained, gain};
+use super::meander::Meander;
 use super::model::{PlumeModel, Unknown, fitted};
 use super::report::{GapReport, report};
 use super::sensor_calibration::HELD;
@@ -311,12 +312,14 @@ fn unexplained(study: &Study<'_>, named: bool) -> Result<Option<Unexplained>, In
     candidates.truncate(study.question.policy.most_candidates);
     let (from_s, to_s, platforms) = stretch(study);
     let sizes = judged.set.likeliest_sizes();
-    let of_plume = ["along_wind", "height", "across_wind", "time", "time"];
-    let largest = (0..sizes.len()).max_by(|a, b| sizes[*a].total_cmp(&sizes[*b]));
+    let of_form = sizes
+        .iter()
+        .zip(["along_wind", "height", "across_wind", "time"]);
+    let largest = of_form.max_by(|a, b| a.0.total_cmp(b.0));
     let coordinate = match judged.rest.kind {
         RestKind::Background(Along::Height) => "height",
-        RestKind::Background(Along::Time) => "time",
-        _ => of_plume[largest.unwrap_or(AXIS_DRIFT)],
+        RestKind::Discrepancy => largest.map_or("time", |(_, coordinate)| coordinate),
+        _ => "time",
     };
     let kind = if astray || (elsewhere && !named) {
         UnexplainedKind::NoContact
@@ -544,7 +547,7 @@ pub(super) fn carried_from_deg(study: &Study<'_>, set: &FittedSet<PlumeModel<'_>
 /// direction from, in degrees, and speed at the scenario's height, m/s.
 fn met_wind(study: &Study<'_>, set: &FittedSet<PlumeModel<'_>>) -> (f64, f64) {
     let spec = &study.setup.base;
-    let turns = study.question.turns_deg(set);
+    let turns = study.question.turns(set);
     let there = infer::ForwardModel::predict(&set.model, set.at(), &turns);
     let weight: Vec<f64> = there.map_or_else(
         |_| vec![1.0; study.data.len()],
@@ -568,9 +571,19 @@ pub(super) fn base_parameters(
 ) -> Result<Vec<BaseParameter>, InferError> {
     let believed = study.question.posterior(set)?;
     let nearest = study.question.nearest(set, &believed)?;
+    let mut stated = set.model.stated(nearest, &believed, false)?;
+    if let Some(meander) = Meander::of(study, set, &believed)? {
+        meander.in_the_mean(&set.model, &mut stated);
+    }
+    let priors = infer::ForwardModel::priors(&set.model).iter();
+    let [prior_mean, prior_sd] = [
+        priors.clone().map(|p| p.mean).collect(),
+        priors.map(|p| p.sd).collect(),
+    ]
+    .map(nalgebra::DVector::from_vec);
     let infer::ClosestModel {
         mean, covariance, ..
-    } = set.model.stated(nearest, &believed, false)?;
+    } = stated.known_beforehand(&prior_mean, &prior_sd);
     let wind_from_deg = met_wind(study, set).0;
     let of = |(part, prior): (usize, &super::Prior)| {
         let k = set.model.unknowns_of(part).next();

@@ -3,7 +3,7 @@
 
 use ::plume::field::{DispersionModel, Strength};
 use ::plume::mechanism::{Family, MechanismId, Steps};
-use infer::{Catalogue, ForwardModel, InferError, Prediction, Start};
+use infer::{AxisTurn, Catalogue, ForwardModel, InferError, Prediction, Start};
 
 use super::data::Setup;
 use super::model::{Part, PlumeModel, Scale, Unknown, fitted, neutral};
@@ -45,13 +45,13 @@ impl Catalogue for PlumeModel<'_> {
     fn predict_with(
         &self,
         at: &[f64],
-        turn_deg: &[f64],
+        turns: &[AxisTurn],
         tried: &Hypothesis,
         end: &[f64],
     ) -> Result<Prediction, InferError> {
         let extended = self.with(&set(&tried.part, end));
         let at: Vec<f64> = at.iter().copied().chain(end.iter().copied()).collect();
-        extended.predict(&at, turn_deg)
+        extended.predict(&at, turns)
     }
 
     fn exchanged(&self, at: &[f64]) -> Result<Vec<Vec<f64>>, InferError> {

@@ -3,10 +3,12 @@
 //! readings has the same model.
 
 use ::plume::effects::SensorAir;
-use ::plume::field::{DispersionModel, DispersionSpec, InPlume, Place};
+use ::plume::field::{DispersionModel, DispersionSpec, InPlume, Place, Strength};
 use ::plume::mechanism::{Mechanism, MechanismId, ParameterSpec};
 use ::plume::track::Track;
-use infer::{ForwardModel, InferError, PlumePlace, Prediction};
+use std::borrow::Cow;
+
+use infer::{AxisTurn, ForwardModel, InferError, PlumePlace, Prediction};
 
 use super::data::Setup;
 
@@ -319,6 +321,11 @@ impl<'a> PlumeModel<'a> {
         DispersionModel::new(spec).map_err(|error| InferError::Model(error.to_string()))
     }
 
+    /// How the scenario states the strength of its source.
+    pub(crate) fn strength(&self) -> Strength {
+        self.base.sources[0].strength
+    }
+
     /// The unknown that belongs to a mechanism which the scenario is unsure of.
     pub(crate) fn unknown(&self, id: MechanismId) -> Option<usize> {
         let of = |u: &Fitted| self.parts[u.part].id == id && self.parts[u.part].platform.is_none();
@@ -342,7 +349,9 @@ impl<'a> PlumeModel<'a> {
     /// # Errors
     /// Values that the model refuses.
     pub fn last_met_s(&self, at: &[f64]) -> Result<f64, InferError> {
-        let plume = self.predict(at, &vec![0.0; self.track.len()])?.plume;
+        let plume = self
+            .predict(at, &vec![AxisTurn::NONE; self.track.len()])?
+            .plume;
         let most = plume.iter().copied().fold(0.0, f64::max);
         let times = self.track.time_s();
         let met = plume.iter().zip(times).filter(|(p, _)| **p > MET * most);
@@ -355,8 +364,27 @@ impl<'a> PlumeModel<'a> {
         })
     }
 
-    /// What is stated of the unknowns of the `nearest` plume: the strength may be off by the discrepancy
-    /// where c_MAX is stated, on the axis and when the plume was last met, or in the mean over time, as well.
+    /// Distance from the source at which the readings `met` the plume, m: the geometric mean of where, weighted by the
+    /// concentration of the plume. None where they met none.
+    pub(crate) fn met_distance_m(
+        &self,
+        at: &[f64],
+        met: &[f64],
+    ) -> Result<Option<f64>, InferError> {
+        let (mut all, mut ln_distance) = (0.0, 0.0);
+        for (place, plume) in self.places(at)?.iter().zip(met) {
+            if *plume > 0.0 {
+                all += plume;
+                ln_distance += plume * place.ln_distance;
+            }
+        }
+        let distance_m = (ln_distance / all).exp();
+        Ok(distance_m.is_finite().then_some(distance_m))
+    }
+
+    /// What is stated of the unknowns of the `nearest` plume: the strength may be off by the discrepancy as well, on the
+    /// axis and when the plume was last met, or in the mean over time. It counts where c_MAX is stated, or where the plume
+    /// of a stated emission was met.
     ///
     /// # Errors
     /// Values that the model refuses.
@@ -371,7 +399,16 @@ impl<'a> PlumeModel<'a> {
         };
         let at = nearest.mean.as_slice();
         let met_s = self.last_met_s(at)?;
-        let distance_m = self.base.sources[0].strength.c_max_distance_m();
+        let stated_m = self.strength().c_max_distance_m();
+        let distance_m = match self.strength() {
+            Strength::CMax { .. } => stated_m,
+            Strength::EmissionKgS(_) => {
+                let met = self
+                    .predict(at, &vec![AxisTurn::NONE; self.track.len()])?
+                    .plume;
+                self.met_distance_m(at, &met)?.unwrap_or(stated_m)
+            }
+        };
         let under_way_s = distance_m / self.track.transport()[0].speed_m_s.max(1.0);
         let here = PlumePlace {
             ln_distance: distance_m.ln(),
@@ -425,7 +462,7 @@ impl<'a> PlumeModel<'a> {
 
     /// What each row reads without the plume, ppm.
     fn clean(&self, at: &[f64]) -> Result<Vec<f64>, InferError> {
-        let there = self.predict(at, &vec![0.0; self.track.len()])?;
+        let there = self.predict(at, &vec![AxisTurn::NONE; self.track.len()])?;
         let clean = there.reading.iter().zip(&there.plume).map(|(r, p)| r - p);
         Ok(clean.collect())
     }
@@ -527,36 +564,24 @@ impl ForwardModel for PlumeModel<'_> {
         out
     }
 
-    fn predict(&self, at: &[f64], turn_deg: &[f64]) -> Result<Prediction, InferError> {
+    fn predict(&self, at: &[f64], turns: &[AxisTurn]) -> Result<Prediction, InferError> {
         let world = self.world(at)?;
         let n = self.track.len();
         let mut out = Prediction {
             reading: vec![0.0; n],
             plume: vec![0.0; n],
         };
-        let mut fill = |track: &Track| {
-            track.predict_parts(&world, &mut out.reading, Some(&mut out.plume));
-        };
-        if turn_deg.iter().all(|t| *t == 0.0) {
-            fill(self.track);
-        } else {
-            fill(&self.track.turned(turn_deg));
+        let mut track = Cow::Borrowed(self.track);
+        if turns.iter().any(|t| t.clockwise_deg != 0.0) {
+            let clockwise_deg: Vec<f64> = turns.iter().map(|t| t.clockwise_deg).collect();
+            track = Cow::Owned(track.turned(&clockwise_deg));
         }
+        if turns.iter().any(|t| t.upward_deg != 0.0) {
+            let upward_deg: Vec<f64> = turns.iter().map(|t| t.upward_deg).collect();
+            track = Cow::Owned(track.inclined(&upward_deg, self.base.sources[0].place));
+        }
+        track.predict_parts(&world, &mut out.reading, Some(&mut out.plume));
         Ok(out)
-    }
-
-    fn predict_raised(
-        &self,
-        at: &[f64],
-        turn_deg: &[f64],
-        by_m: f64,
-    ) -> Result<Option<Prediction>, InferError> {
-        let Some(k) = self.unknown(MechanismId::EffectiveHeightOffset) else {
-            return Ok(None);
-        };
-        let mut raised = at.to_vec();
-        raised[k] += by_m;
-        self.predict(&raised, turn_deg).map(Some)
     }
 
     fn response_s(&self, at: &[f64]) -> Result<Vec<f64>, InferError> {

@@ -72,7 +72,7 @@ fn shown(study: &Study<'_>, of: &FittedSet<PlumeModel<'_>>) -> Shown {
     let fit = of.fit();
     let used = &study.data.used;
     let reading = fit.misfit.iter().zip(&study.data.reading_ppm).zip(used);
-    let turns = study.question.turns_deg(of);
+    let turns = study.question.turns(of);
     let predicted = infer::ForwardModel::predict(&of.model, of.at(), &turns);
     let predicted = predicted.map(|p| p.reading).unwrap_or_default();
     Shown {

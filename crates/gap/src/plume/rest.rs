@@ -17,7 +17,7 @@ use super::sensor_calibration::stands_at;
 const MEANDER_M_S: f64 = 0.5;
 /// It is known to this part.
 const MEANDER_PART: f64 = 0.5;
-/// The logged wind turns the axis beyond this no further, degrees: the rest is meander.
+/// The axis turns no further beyond the logged wind than this, degrees, and not upwards: the rest is meander.
 const AXIS_DRIFT_DEG: f64 = 0.1;
 /// Standard deviation of one reading about the mean plume, as a part of it: crossings of a plume within a hundred metres
 /// differ by more than a factor of two, and most readings beside it hold nothing.
@@ -59,7 +59,8 @@ impl AtRest {
 
     /// The rules in this air.
     pub(super) fn bind(self, policy: &mut Policy) {
-        policy.axis_drift_sizes_deg = [AXIS_DRIFT_DEG, 2.0 * AXIS_DRIFT_DEG];
+        policy.axis_drift_sizes_deg = [0.5, 1.0, 2.0].map(|part| part * AXIS_DRIFT_DEG);
+        policy.upward_over_sideways = 0.0;
         policy.noise_median = Noise {
             fluctuation: FLUCTUATION,
             fluctuation_s: FLUCTUATION_S,

@@ -173,7 +173,8 @@ pub(crate) fn swinging<'a>(
     let base = |axis_drift| question.base(&model.clone().following(axis_drift));
     if in_flight && !matches!(carried, Some(Carried::OnItsWay(_))) {
         let at_once = base(DriftResponse::AtOnce)?;
-        if at_once.likeliest_sizes()[AXIS_DRIFT] == 0.0 {
+        let drifts = &at_once.likeliest_sizes()[AXIS_DRIFT..];
+        if drifts.iter().all(|size| *size == 0.0) {
             return Ok((at_once, DriftResponse::AtOnce));
         }
     }

@@ -1,6 +1,6 @@
 //! A Gaussian plume of the tests' own, and realities that depart from it.
 
-use infer::{ForwardModel, InferError, PlumePlace, Prediction, Prior, Rows};
+use infer::{AxisTurn, ForwardModel, InferError, PlumePlace, Prediction, Prior, Rows};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -352,28 +352,17 @@ impl ForwardModel for Model {
         out
     }
 
-    fn predict(&self, at: &[f64], turn_deg: &[f64]) -> Result<Prediction, InferError> {
-        let plume: Vec<f64> = self
-            .rows
-            .iter()
-            .zip(turn_deg)
-            .map(|(row, turn)| excess(at, &Reality::default(), *row, *turn))
-            .collect();
+    fn predict(&self, at: &[f64], turns: &[AxisTurn]) -> Result<Prediction, InferError> {
+        let row = |(row, turn): (&Row, &AxisTurn)| {
+            let mut raised = at.to_vec();
+            raised[1] += row[0].hypot(row[1]) * turn.upward_deg.to_radians().tan();
+            excess(&raised, &Reality::default(), *row, turn.clockwise_deg)
+        };
+        let plume: Vec<f64> = self.rows.iter().zip(turns).map(row).collect();
         Ok(Prediction {
             reading: plume.iter().map(|p| p + at[5]).collect(),
             plume,
         })
-    }
-
-    fn predict_raised(
-        &self,
-        at: &[f64],
-        turn_deg: &[f64],
-        by_m: f64,
-    ) -> Result<Option<Prediction>, InferError> {
-        let mut raised = at.to_vec();
-        raised[1] += by_m;
-        self.predict(&raised, turn_deg).map(Some)
     }
 
     fn places(&self, at: &[f64]) -> Result<Vec<PlumePlace>, InferError> {

@@ -83,7 +83,7 @@ impl Predicted {
         axis: Option<usize>,
     ) -> Result<Self, infer::InferError> {
         let times = track.time_s().iter();
-        let turns: Vec<f64> = times.map(|t| posterior.turn_deg(*t)).collect();
+        let turns: Vec<infer::AxisTurn> = times.map(|t| posterior.turn(*t)).collect();
         let said = model.predict(estimate.as_slice(), &turns)?;
         // A reading that does not count is one of clean air that is as predicted.
         let mut said = said;

@@ -26,6 +26,7 @@ use guidance::{Steering, WindEstimate};
 use inner_loops::{PitchLoop, RollLoop};
 use landing::{Landing, LandingCommand, LandingSite};
 use plant::Plant;
+use std::sync::Arc;
 
 /// Height above the launch point up to which take-off climbs straight ahead, m.
 const TAKE_OFF_STRAIGHT_M: f64 = 20.0;
@@ -90,7 +91,7 @@ pub struct Autopilot {
 
 impl Autopilot {
     /// An autopilot with the gains of the aircraft's file.
-    pub fn new(aircraft: &Aircraft) -> Self {
+    pub fn new(aircraft: &Arc<Aircraft>) -> Self {
         Self {
             plant: Plant::new(aircraft),
             gains: aircraft.control,

@@ -42,6 +42,8 @@ mod suspect;
 mod transition;
 pub mod windows;
 
+use std::sync::Arc;
+
 use fdm::Aircraft;
 use serde::Serialize;
 
@@ -212,8 +214,9 @@ impl<'a> Finding<'a> {
 fn extend(aircraft: &Aircraft, answer: &Answer, notices: &mut Vec<String>) -> Aircraft {
     let mut extended = aircraft.clone();
     extended.mechanism.extend(answer::extension(&answer.causes));
+    let extended = Arc::new(extended);
     if fdm::extended::ExtendedAircraft::of(&extended).is_ok() {
-        return extended;
+        return Arc::unwrap_or_clone(extended);
     }
     notices.push(
         "the extended aircraft lies outside what an aircraft file may say; extended.toml is the base"

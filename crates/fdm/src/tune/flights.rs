@@ -11,6 +11,7 @@ use crate::autopilot::{Autopilot, Demand, Path, Sensed};
 use crate::error::FdmError;
 use crate::flight::FlightSim;
 use crate::state::{AirAround, FlightState};
+use std::sync::Arc;
 
 /// Time between two changes of demand, s.
 const STAGE_S: f64 = 18.0;
@@ -70,7 +71,7 @@ pub(super) fn cost(flights: &[Evaluation]) -> f64 {
 
 /// Flies the programme in every weather.
 pub(super) fn fly_all(
-    aircraft: &Aircraft,
+    aircraft: &Arc<Aircraft>,
     gains: &ControlGains,
     weather: &[WeatherCase],
 ) -> Result<Vec<Evaluation>, FdmError> {
@@ -121,7 +122,7 @@ pub(super) fn course_rad(state: &FlightState) -> f64 {
 }
 
 fn fly(
-    aircraft: &Aircraft,
+    aircraft: &Arc<Aircraft>,
     gains: &ControlGains,
     weather: &WeatherCase,
 ) -> Result<Evaluation, FdmError> {
@@ -239,14 +240,19 @@ pub(super) fn wrapped(angle: f64) -> f64 {
 
 /// The aircraft in cruise, with an autopilot that counts with its base.
 pub(super) fn begin(
-    aircraft: &Aircraft,
+    aircraft: &Arc<Aircraft>,
     gains: &ControlGains,
 ) -> Result<(FlightSim, Autopilot), FdmError> {
     let cruise = aircraft.limits.airspeed_cruise_m_s;
     let sim = FlightSim::airborne(aircraft, 0.0, 0.0, START_AMSL_M, 0.0, cruise)?;
-    let mut base = aircraft.clone();
-    base.control = *gains;
-    Ok((sim, Autopilot::new(&base)))
+    Ok((sim, Autopilot::new(&with_gains(aircraft, gains))))
+}
+
+/// The aircraft with these gains in place of its own.
+pub(super) fn with_gains(aircraft: &Aircraft, gains: &ControlGains) -> Arc<Aircraft> {
+    let mut aircraft = aircraft.clone();
+    aircraft.control = *gains;
+    Arc::new(aircraft)
 }
 
 /// One tick of the controller and the aircraft.

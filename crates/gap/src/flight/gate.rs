@@ -2,6 +2,7 @@
 //! unit. What does not pass is masked, and said.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use air::isa::Atmosphere;
 use fdm::dynamics::Dynamics;
@@ -499,8 +500,8 @@ fn commands(log: &FlightLog, aircraft: &Aircraft, gated: &mut Gated) -> Vec<Surf
         ));
     }
     let cruise = aircraft.limits.airspeed_cruise_m_s;
-    let level =
-        fdm::trim::level(&Dynamics::new(aircraft), cruise, 1.225).map_or(0.5, |t| t.throttle);
+    let level = fdm::trim::level(&Dynamics::new(&Arc::new(aircraft.clone())), cruise, 1.225)
+        .map_or(0.5, |t| t.throttle);
     let command = |i: usize| SurfaceCommand {
         elevator_rad: elevator[i].to_radians(),
         aileron_rad: (0.5 * (left[i] - right[i])).to_radians(),

@@ -14,8 +14,6 @@ const FURTHER_PART: f64 = 0.2;
 const BEAM: usize = 12;
 /// Largest set.
 const LARGEST_SET: usize = 7;
-/// Nats beyond the charge by which the best set of a size may be worse than the best while larger ones are tried.
-const WORSE_NATS: f64 = 6.0;
 
 /// What a candidate is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -179,14 +177,8 @@ impl Word {
                 .map(|set| self.model(candidates, set, charge))
                 .collect();
             front.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
-            let best = all.iter().map(|m| m.log_posterior).fold(f64::MIN, f64::max);
-            let Some(next) = front.first() else { break };
-            let still = next.log_posterior > best - WORSE_NATS - charge;
             all.extend(front.iter().cloned());
             front.truncate(BEAM);
-            if !still {
-                break;
-            }
         }
         all.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
         all

@@ -176,8 +176,6 @@ impl<'a> Finding<'a> {
         }
         let gap = GapJson {
             schema: SCHEMA,
-            gas: None,
-            readings: None,
             verdict: answer.verdict,
             summary,
             residual: residual::bins(&study, &first),
@@ -186,16 +184,11 @@ impl<'a> Finding<'a> {
             next_flight: next_flight::propose(&answer),
             base: answer::base(&study, &last, &answer.set),
             unexplained: answer.unexplained,
-            insufficient: None,
-            pairs: Vec::new(),
-            contact: None,
-            discrepancy: None,
-            noise: None,
-            applied: None,
             data_quality: study.gated.data_quality.clone(),
             notices,
             ranking: answer.ranking,
             causes: answer.causes,
+            ..GapJson::default()
         };
         FlightReport {
             gap,

@@ -91,6 +91,7 @@
 pub mod applied;
 pub mod flight;
 pub mod plume;
+mod statistics;
 pub mod tracer;
 pub mod verdict;
 

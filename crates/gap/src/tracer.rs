@@ -243,12 +243,6 @@ fn in_air(trials: &[TrialArcs], sign: f64) -> Vec<&TrialArcs> {
     trials.iter().filter(is_in).collect()
 }
 
-/// Middle value, the upper of two.
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
-}
-
 /// Tries everything on the trials of one kind of air; a notice where they do not allow it.
 ///
 /// With fewer than [`LEAST_TRIALS`] trials that measured the deviation of azimuth the widths of all are taken together,
@@ -435,14 +429,7 @@ fn next_trials(causes: &[Cause]) -> Option<NextFlight> {
     } else {
         "wind vanes at two heights, and more samplers inside the plume at the farthest arcs"
     };
-    Some(NextFlight {
-        separates: cause.mechanisms.clone(),
-        platform: None,
-        description: description.into(),
-        waypoints: Vec::new(),
-        expected_nats: f64::NAN,
-        settles_probability: f64::NAN,
-    })
+    Some(NextFlight::in_words(&cause.mechanisms, description))
 }
 
 #[cfg(test)]

@@ -270,6 +270,20 @@ pub struct NextFlight {
     pub settles_probability: f64,
 }
 
+impl NextFlight {
+    /// One that is described in words alone, for any platform.
+    pub(crate) fn in_words(separates: &[String], description: &str) -> Self {
+        Self {
+            separates: separates.to_vec(),
+            platform: None,
+            description: description.to_owned(),
+            waypoints: Vec::new(),
+            expected_nats: f64::NAN,
+            settles_probability: f64::NAN,
+        }
+    }
+}
+
 /// A parameter of the base.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BaseParameter {
@@ -324,9 +338,7 @@ impl UnexplainedKind {
             Self::NoContact => "the readings do not follow the modelled plume",
         }
     }
-}
 
-impl UnexplainedKind {
     /// What to do about it.
     pub fn next_step(self) -> &'static str {
         match self {

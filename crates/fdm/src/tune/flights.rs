@@ -1,6 +1,7 @@
 //! The flights on which gains are judged.
 
 use air::dryden::{Dryden, Turbulence};
+use air::geo::wrap_signed_rad;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use serde::Serialize;
@@ -188,7 +189,9 @@ impl ErrorSums {
         self.count_in(0, now.alt_amsl_m - demand.alt_amsl_m);
         self.count_in(1, now.airspeed_m_s - demand.airspeed_m_s);
         match demand.path {
-            Path::Course { deg } => self.count_in(2, wrapped(course_rad(now) - deg.to_radians())),
+            Path::Course { deg } => {
+                self.count_in(2, wrap_signed_rad(course_rad(now) - deg.to_radians()))
+            }
             Path::Orbit { radius_m, .. } => {
                 self.count_in(3, distance_m(now, &demand.path) - radius_m)
             }
@@ -231,11 +234,6 @@ pub(super) fn distance_m(state: &FlightState, path: &Path) -> f64 {
         } => (state.north_m - north_m).hypot(state.east_m - east_m),
         _ => 0.0,
     }
-}
-
-pub(super) fn wrapped(angle: f64) -> f64 {
-    let turn = std::f64::consts::TAU;
-    (angle + 0.5 * turn).rem_euclid(turn) - 0.5 * turn
 }
 
 /// The aircraft in cruise, with an autopilot that counts with its base.

@@ -9,6 +9,7 @@ use super::evidence::{Kind, Model, sum};
 use super::normal::Block;
 use super::parameters::Effect;
 use super::study::{Linear, Study};
+use crate::statistics::probabilities;
 use crate::verdict::{
     BaseParameter, Cause, Detectable, Evidence, Parameter, Ranked, Unexplained, UnexplainedKind,
     Verdict,
@@ -155,16 +156,16 @@ fn ranking(study: &Study<'_>, last: &Linear) -> Vec<Ranked> {
     let alone = |k: usize| last.word.model(&study.candidates, vec![k], 0.0);
     let mut fits: Vec<Model> = (0..study.candidates.len()).map(alone).collect();
     fits.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
-    let top = fits[0].log_evidence;
-    let total: f64 = fits.iter().map(|f| (f.log_evidence - top).exp()).sum();
-    let ranked = |f: &Model| Ranked {
+    let evidences: Vec<f64> = fits.iter().map(|f| f.log_evidence).collect();
+    let ranked = |(f, probability): (&Model, f64)| Ranked {
         mechanisms: vec![study.candidates[f.set[0]].name.clone()],
         platform: None,
         delta_log_score: f.log_score,
         log_evidence: f.log_evidence,
-        probability: (f.log_evidence - top).exp() / total,
+        probability,
     };
-    fits.iter().map(ranked).collect()
+    let each = fits.iter().zip(probabilities(&evidences));
+    each.map(ranked).collect()
 }
 
 /// Where a nameless term lives: the block in which it gains most, with its neighbours that gain.

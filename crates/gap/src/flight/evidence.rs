@@ -6,6 +6,7 @@ use std::collections::BTreeSet;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use super::normal::Block;
+use crate::statistics::median;
 
 /// Part of the strongest single cause's gain that each further cause is charged: no law is exact,
 /// and what a strong cause leaves by that is not a cause of its own.
@@ -234,7 +235,7 @@ pub fn dispersion(
         let information: f64 = blocks.iter().map(|block| block.a[(k, k)]).sum();
         (information > 0.0).then(|| squares * n / (n - 1.0) / information)
     };
-    super::gate::median(columns.filter_map(ratio).collect()).max(1.0)
+    median(columns.filter_map(ratio).collect()).map_or(1.0, |m| m.max(1.0))
 }
 
 /// What of a dispersion over so many blocks is more than chance may add to 1.

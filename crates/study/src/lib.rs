@@ -45,6 +45,13 @@ const CALM_M_S: f64 = 0.5;
 /// Half width of the central 95 % interval of a normal quantity, in standard deviations: Φ⁻¹(0.975).
 pub const SD_95: f64 = 1.959_964;
 
+/// Median: of an even number the mean of the middle two; none of nothing.
+pub fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    let (last, n) = (values.len().checked_sub(1)?, values.len());
+    Some(f64::midpoint(values[last / 2], values[n / 2]))
+}
+
 /// A positive quantity with its 95 % interval.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Interval {

@@ -28,8 +28,8 @@ use serde::{Deserialize, Serialize};
 use crate::GapError;
 use crate::applied::EarlierTracer;
 use crate::verdict::{
-    Cause, Detectable, Gain, GapJson, NextFlight, Parameter, Ranked, SCHEMA, Unexplained,
-    UnexplainedKind, Verdict, number_or_null,
+    Cause, DETECTABLE_NATS, Detectable, Gain, GapJson, NextFlight, Parameter, Ranked, SCHEMA,
+    Unexplained, UnexplainedKind, Verdict, number_or_null,
 };
 pub use apply::apply;
 use arcs::{Arc, TrialArcs};
@@ -130,9 +130,6 @@ pub struct TriedModel {
 
 /// Fewest trials of a kind of air for a fit.
 pub const LEAST_TRIALS: usize = 4;
-
-/// Log score at which an effect counts as visible, nats.
-const VISIBLE_NATS: f64 = 20.0;
 
 /// Kinds of air by the sign of the Obukhov length.
 const AIRS: [(&str, f64); 2] = [("unstable", -1.0), ("stable", 1.0)];
@@ -411,7 +408,7 @@ fn detectable(answer: &Answer<'_>) -> Vec<Detectable> {
     });
     let seen = own.map(|p| Detectable {
         // Gain = (effect / sd)² / 2.
-        value: (2.0 * VISIBLE_NATS).sqrt() * p.sd,
+        value: (2.0 * DETECTABLE_NATS).sqrt() * p.sd,
         mechanism: p.mechanism.clone(),
         parameter: p.name.clone(),
         unit: p.unit.clone(),

@@ -226,6 +226,9 @@ pub struct Gain {
     pub held_out: HeldOut,
 }
 
+/// Gain of the log score at which an effect is almost surely detected, nats.
+pub(crate) const DETECTABLE_NATS: f64 = 20.0;
+
 /// The smallest effect that these data could have shown.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Detectable {

@@ -11,8 +11,8 @@ use super::parameters::Effect;
 use super::study::{Linear, Study};
 use crate::statistics::probabilities;
 use crate::verdict::{
-    BaseParameter, Cause, Detectable, Evidence, Parameter, Ranked, Unexplained, UnexplainedKind,
-    Verdict,
+    BaseParameter, Cause, DETECTABLE_NATS, Detectable, Evidence, Parameter, Ranked, Unexplained,
+    UnexplainedKind, Verdict,
 };
 
 /// Probability below which an explanation is rejected, 99 to 1 as in [`infer::Policy::rest_nats`]: chance as that of a score,
@@ -21,8 +21,6 @@ const REJECTED_P: f64 = 0.01;
 /// Part of the strongest block's gain from which on a nameless term lives in a block. Gain grows with the square of the
 /// term's size, so this is the width at half of its largest size.
 const HALF_SIZE_GAIN: f64 = 0.25;
-/// Nats at which an effect is seen almost surely.
-const VISIBLE_NATS: f64 = 20.0;
 /// Times so far apart are different onsets, s: nearer ones the readings tell apart only by the answer of speed and attitude, which
 /// takes about as long.
 const ONSETS_APART_S: f64 = 2.0;
@@ -270,7 +268,7 @@ pub fn detectable(study: &Study<'_>, last: &Linear) -> Vec<Detectable> {
             (information > 0.0).then(|| Detectable {
                 mechanism: CATALOGUE[m].id.to_owned(),
                 parameter: CATALOGUE[m].parameters[k].name.to_owned(),
-                value: (2.0 * VISIBLE_NATS / information).sqrt(),
+                value: (2.0 * DETECTABLE_NATS / information).sqrt(),
                 unit: p.unit.to_owned(),
             })
         })

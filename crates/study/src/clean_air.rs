@@ -1,7 +1,7 @@
 //! What a sensor at rest reads above clean air.
 
 use crate::median;
-use crate::sectors::{EDDY_S, REACH_DEG};
+use crate::sectors::REACH_DEG;
 use crate::stations::{Reading, Station};
 use std::collections::BTreeMap;
 
@@ -77,7 +77,7 @@ pub(crate) fn of_network(stations: &[Station], stated_sd_ppm: f64) -> Vec<Excess
             .readings
             .iter()
             .map(|r| Reading {
-                ppm: r.ppm - zero - drift.get(&block(r)).copied().unwrap_or(0.0),
+                ppm: r.ppm - zero - drift.get(&r.eddy()).copied().unwrap_or(0.0),
                 ..*r
             })
             .collect();
@@ -119,7 +119,7 @@ fn drift(stations: &[Station], zeros: &[Option<f64>]) -> BTreeMap<i64, f64> {
             .iter()
             .filter(|r| r.off_deg.abs() > REACH_DEG);
         for r in past {
-            by_block.entry(block(r)).or_default().push(r.ppm - zero);
+            by_block.entry(r.eddy()).or_default().push(r.ppm - zero);
         }
     }
     by_block
@@ -128,10 +128,6 @@ fn drift(stations: &[Station], zeros: &[Option<f64>]) -> BTreeMap<i64, f64> {
         .filter(|(_, off)| off.len() >= 2)
         .filter_map(|(block, off)| Some((block, median(off)?)))
         .collect()
-}
-
-fn block(reading: &Reading) -> i64 {
-    (reading.time_s / EDDY_S).floor() as i64
 }
 
 /// The median of enough values.

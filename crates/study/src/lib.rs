@@ -166,6 +166,21 @@ pub struct PlumeFlux {
     pub notes: Vec<String>,
 }
 
+impl PlumeFlux {
+    /// States the rate whose logarithm has these values and weights, kg/s. The variances `inside` are in them; those
+    /// `beside` come from independent terms, which widen them.
+    pub(crate) fn state(
+        &mut self,
+        ln_kg_s: Vec<(f64, f64)>,
+        inside: &[(Term, f64)],
+        beside: &[(Term, f64)],
+    ) -> Interval {
+        let extra_sd = beside.iter().map(|t| t.1).sum::<f64>().sqrt();
+        self.budget = budget(&[inside, beside].concat());
+        *self.kg_s.insert(grid::interval(ln_kg_s, extra_sd))
+    }
+}
+
 /// A pass of the plume.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct PassFlux {

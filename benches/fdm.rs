@@ -6,6 +6,7 @@
 
 use std::hint::black_box;
 use std::process::Command;
+use std::sync::Arc;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use fdm::autopilot::{Autopilot, Demand, Path, Sensed};
@@ -16,8 +17,8 @@ const AIR: AirAround = AirAround {
     density_kg_m3: 1.18,
 };
 
-fn x8() -> Aircraft {
-    Aircraft::from_toml("x8.toml", include_str!("../aircraft/x8.toml")).unwrap()
+fn x8() -> Arc<Aircraft> {
+    Arc::new(Aircraft::from_toml("x8.toml", include_str!("../aircraft/x8.toml")).unwrap())
 }
 
 fn orbit() -> Demand {

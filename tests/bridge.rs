@@ -39,19 +39,22 @@ fn wait_s(seconds: u64) {
     std::thread::sleep(Duration::from_secs(seconds));
 }
 
+/// The squadron controller of a mission, the options by which others join it, and a free address for a link.
+fn begin_mission(duration_s: &'static str) -> (Ends, Vec<&'static str>, SocketAddr) {
+    let free = "127.0.0.1:0";
+    let tcp = TcpListener::bind(free).unwrap().local_addr().unwrap();
+    let udp = UdpSocket::bind(free).unwrap().local_addr().unwrap();
+    let endpoint: &str = format!("tcp/{tcp}").leak();
+    let mission = ["--scenario", SCENARIO, "--duration", duration_s];
+    let listen = [&mission[..], &["--listen", endpoint]].concat();
+    let sc = spawn(env!("CARGO_BIN_EXE_sc"), &listen, Stdio::null());
+    let bus = [&mission[..], &["--connect", endpoint]].concat();
+    (sc, bus, udp)
+}
+
 fn a_hand_back_is_answered_and_the_bridge_stays_until_its_vehicle_is_down() {
-    let free = |port: u16| format!("127.0.0.1:{port}");
-    let tcp = TcpListener::bind(free(0)).unwrap().local_addr().unwrap();
-    let udp = UdpSocket::bind(free(0)).unwrap().local_addr().unwrap();
-    let endpoint = format!("tcp/{tcp}");
-    let mission = ["--scenario", SCENARIO, "--duration", "28"];
-    let bus = [&mission[..], &["--connect", &endpoint]].concat();
+    let (_sc, bus, udp) = begin_mission("28");
     let log = Path::new(env!("CARGO_TARGET_TMPDIR")).join("bridge.log");
-    let _sc = spawn(
-        env!("CARGO_BIN_EXE_sc"),
-        &[&mission[..], &["--listen", &endpoint]].concat(),
-        Stdio::null(),
-    );
     let _ws = spawn(env!("CARGO_BIN_EXE_ws"), &bus, Stdio::null());
     let listens = format!("udpin:{udp}");
     let mut bridge = spawn(
@@ -132,14 +135,7 @@ fn told(output: &Output, code: i32, words: &str) {
 }
 
 fn a_real_aircraft_takes_the_place_of_a_simulated_one_and_is_not_let_go_in_the_air() {
-    let free = "127.0.0.1:0";
-    let tcp = TcpListener::bind(free).unwrap().local_addr().unwrap();
-    let udp = UdpSocket::bind(free).unwrap().local_addr().unwrap();
-    let endpoint = format!("tcp/{tcp}");
-    let mission = ["--scenario", SCENARIO, "--duration", "300"];
-    let bus = [&mission[..], &["--connect", &endpoint]].concat();
-    let listen = [&mission[..], &["--listen", &endpoint]].concat();
-    let _sc = spawn(env!("CARGO_BIN_EXE_sc"), &listen, Stdio::null());
+    let (_sc, bus, udp) = begin_mission("300");
     let _ws = spawn(env!("CARGO_BIN_EXE_ws"), &bus, Stdio::null());
     let team = [&bus[..], &["--vehicles", "2,3"]].concat();
     let _va = spawn(env!("CARGO_BIN_EXE_va"), &team, Stdio::null());
@@ -181,7 +177,10 @@ fn a_real_aircraft_takes_the_place_of_a_simulated_one_and_is_not_let_go_in_the_a
     );
 
     // Nobody is on this link: after 30 s the simulated vehicle 2 goes on.
-    let nobody = UdpSocket::bind(free).unwrap().local_addr().unwrap();
+    let nobody = UdpSocket::bind("127.0.0.1:0")
+        .unwrap()
+        .local_addr()
+        .unwrap();
     let nobody = format!("udpin:{nobody}");
     let real = format!("a real aircraft on {nobody} now flies as this vehicle");
     told(&swap("2", &["--real", &nobody], &bus), 0, &real);
@@ -283,14 +282,7 @@ fn heartbeat(mavtype: MavType, autopilot: MavAutopilot) -> HEARTBEAT_DATA {
 }
 
 fn a_real_aircraft_that_is_let_go_gets_the_heartbeat_until_its_pilots_station_is_there() {
-    let free = "127.0.0.1:0";
-    let tcp = TcpListener::bind(free).unwrap().local_addr().unwrap();
-    let udp = UdpSocket::bind(free).unwrap().local_addr().unwrap();
-    let endpoint = format!("tcp/{tcp}");
-    let mission = ["--scenario", SCENARIO, "--duration", "300"];
-    let bus = [&mission[..], &["--connect", &endpoint]].concat();
-    let listen = [&mission[..], &["--listen", &endpoint]].concat();
-    let _sc = spawn(env!("CARGO_BIN_EXE_sc"), &listen, Stdio::null());
+    let (_sc, bus, udp) = begin_mission("300");
     let team = [&bus[..], &["--vehicles", "3"]].concat();
     let _va = spawn(env!("CARGO_BIN_EXE_va"), &team, Stdio::null());
     let link = format!("udpin:{udp}");

@@ -8,6 +8,7 @@ use protocol::SimTime;
 use serde_json::Value;
 use std::net::UdpSocket;
 use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
 use std::time::Duration;
 
 const X8: &str = include_str!("../aircraft/x8.toml");
@@ -143,7 +144,7 @@ fn an_autopilot_elsewhere_takes_off_circles_and_reads_gas() {
     assert_eq!(served.again([1500, 1500, 1000]), answer);
 
     // Full throttle launches it; then it circles at 100 m and 18 m/s.
-    let aircraft = Aircraft::from_toml("x8.toml", X8).unwrap();
+    let aircraft = Arc::new(Aircraft::from_toml("x8.toml", X8).unwrap());
     let mut autopilot = Autopilot::new(&aircraft);
     let demand = Demand {
         path: Path::Orbit {

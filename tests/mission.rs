@@ -8,10 +8,10 @@ use mission::{Run, Setup};
 use plume::Place;
 use protocol::SimTime;
 use protocol::message::{Estimate, FluxMethod, Message, Observation, PeakStatus};
-use record::campaign::table::median;
 use record::campaign::{FOUND_WITHIN_M, stated_number};
 use record::summary::{CORRECTED, MissionSummary, Summariser};
 use scenario::observations::{ObservationRow, Observations};
+use study::median;
 use ws::calibration::Calibrated;
 
 const AS_PONTES: &str = include_str!("../scenarios/as-pontes-steady.toml");
@@ -80,15 +80,7 @@ fn observations(readings: &[Observation]) -> Observations {
             lon_deg: o.reading.lon_deg,
             alt_amsl_m: o.reading.alt_amsl_m,
             co2_ppm: Some(o.reading.co2_ppm),
-            wind_speed_m_s: None,
-            wind_from_deg: None,
-            temperature_c: None,
-            relative_humidity_pct: None,
-            pressure_hpa: None,
-            sd_ppm: None,
-            averaging_s: None,
-            line_end: None,
-            spread_s: 0.0,
+            ..ObservationRow::default()
         }
     };
     Observations {

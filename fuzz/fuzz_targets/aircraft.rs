@@ -6,17 +6,18 @@
 use fdm::autopilot::{Autopilot, Demand, Path, Sensed};
 use fdm::{AirAround, Aircraft, FlightSim};
 use libfuzzer_sys::fuzz_target;
+use std::sync::Arc;
 
 fuzz_target!(|text: &str| {
     let aircraft = match Aircraft::from_toml("fuzz.toml", text) {
-        Ok(aircraft) => aircraft,
+        Ok(aircraft) => Arc::new(aircraft),
         Err(refused) => {
             assert!(refused.to_string().starts_with("fuzz.toml"), "{refused}");
             return;
         }
     };
     let again = aircraft.to_toml().and_then(|text| Aircraft::from_toml("written.toml", &text));
-    assert_eq!(again.as_ref(), Ok(&aircraft));
+    assert_eq!(again.as_ref(), Ok(&*aircraft));
     let speed_m_s = aircraft.limits.airspeed_cruise_m_s;
     let Ok(mut sim) = FlightSim::airborne(&aircraft, 0.0, 0.0, 400.0, 0.0, speed_m_s) else {
         return;

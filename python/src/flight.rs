@@ -7,6 +7,7 @@ use fdm::{AirAround, FlightSim, SurfaceCommand};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
+use std::sync::Arc;
 use tasks::measured::AircraftFile;
 
 /// The aircraft that every installation has.
@@ -15,12 +16,14 @@ const BUILT_IN: (&str, &str) = ("x8.toml", include_str!("../../aircraft/x8.toml"
 /// An aircraft model from its file; Aircraft() is the Skywalker X8, which is built in.
 #[pyclass(frozen, module = "plumage")]
 pub(crate) struct Aircraft {
-    pub(crate) aircraft: fdm::Aircraft,
+    pub(crate) aircraft: Arc<fdm::Aircraft>,
 }
 
 impl Aircraft {
     pub(crate) fn of(aircraft: fdm::Aircraft) -> Self {
-        Self { aircraft }
+        Self {
+            aircraft: Arc::new(aircraft),
+        }
     }
 }
 
@@ -41,7 +44,7 @@ impl Aircraft {
     #[pyo3(signature = (text, name = "aircraft"))]
     fn from_text(text: &str, name: &str) -> PyResult<Self> {
         let aircraft = fdm::Aircraft::from_toml(name, text).map_err(|e| error::input(&e))?;
-        Ok(Self { aircraft })
+        Ok(Self::of(aircraft))
     }
 
     /// Its name.

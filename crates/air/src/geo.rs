@@ -5,6 +5,8 @@
 //! mean sea level: the plane's own "up" would sink 0.8 m at 3 km, which a height above ground
 //! must not. The geoid's undulation is taken as constant over the site.
 
+use std::f64::consts::{PI, TAU};
+
 /// Semi-major axis of the WGS84 ellipsoid, m.
 pub(crate) const SEMI_MAJOR_M: f64 = 6_378_137.0;
 /// Flattening of the WGS84 ellipsoid.
@@ -159,6 +161,11 @@ pub fn wrap_signed_deg(angle_deg: f64) -> f64 {
     } else {
         wrapped
     }
+}
+
+/// An angle in radians brought into `[-π, π)`.
+pub fn wrap_signed_rad(angle_rad: f64) -> f64 {
+    (angle_rad + PI).rem_euclid(TAU) - PI
 }
 
 /// A place in space: horizontal metres of the local frame and a height.

@@ -30,6 +30,11 @@ impl Air {
         self.pressure_pa / (GAS_CONSTANT_AIR_J_KG_K * self.temperature_k)
     }
 
+    /// Equivalent over true airspeed: the square root of the density over that of the ISA at sea level.
+    pub fn eas_over_tas(self) -> f64 {
+        (self.density_kg_m3() / Atmosphere::standard().at(0.0).density_kg_m3()).sqrt()
+    }
+
     /// Amount of air in a cubic metre, mol/m³: turns a gas's mol/m³ into a mole fraction.
     pub fn molar_density_mol_m3(self) -> f64 {
         self.pressure_pa / (GAS_CONSTANT_J_MOL_K * self.temperature_k)

@@ -3,6 +3,7 @@
 use crate::aircraft::Aircraft;
 use crate::error::FdmError;
 use crate::extended::ExtendedAircraft;
+use std::sync::Arc;
 
 impl Aircraft {
     /// Reads and checks an aircraft file. `file_name` is for messages only.
@@ -18,13 +19,14 @@ impl Aircraft {
                 what: "this analysis".to_owned(),
             });
         }
-        let aircraft: Self =
-            toml::from_str(text).map_err(|error| FdmError::syntax(file_name, text, &error))?;
+        let aircraft: Arc<Self> = toml::from_str(text)
+            .map(Arc::new)
+            .map_err(|error| FdmError::syntax(file_name, text, &error))?;
         aircraft
             .check()
             .and_then(|()| ExtendedAircraft::of(&aircraft))
             .map_err(|error| error.located_in(file_name, text))?;
-        Ok(aircraft)
+        Ok(Arc::unwrap_or_clone(aircraft))
     }
 
     /// The aircraft as a TOML file.

@@ -4,12 +4,13 @@ use crate::aircraft::{Aircraft, Battery};
 use crate::error::FdmError;
 use crate::mechanism::Mechanism;
 use crate::multirotor::{Multirotor, Navigation};
+use std::sync::Arc;
 
 /// What an aircraft file describes: a fixed wing, or with `type = "multirotor"` a multirotor.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Airframe {
     /// An aircraft that a wing carries.
-    FixedWing(Box<Aircraft>),
+    FixedWing(Arc<Aircraft>),
     /// An aircraft that four rotors carry.
     Multirotor(Box<Multirotor>),
 }
@@ -34,7 +35,7 @@ impl Airframe {
         // A text that is no TOML is reported by the reader of a fixed wing.
         let table: Option<toml::Table> = toml::from_str(text).ok();
         if table.is_none_or(|table| !table.contains_key("type")) {
-            return Ok(Self::FixedWing(Box::new(Aircraft::from_toml(
+            return Ok(Self::FixedWing(Arc::new(Aircraft::from_toml(
                 file_name, text,
             )?)));
         }
@@ -73,7 +74,7 @@ impl Airframe {
     }
 
     /// The fixed wing, if it is one.
-    pub fn fixed_wing(&self) -> Option<&Aircraft> {
+    pub fn fixed_wing(&self) -> Option<&Arc<Aircraft>> {
         match self {
             Self::FixedWing(aircraft) => Some(aircraft),
             Self::Multirotor(_) => None,
@@ -143,17 +144,18 @@ impl Airframe {
     /// # Errors
     /// [`FdmError::NotOfMultirotors`]: the mechanisms of flight are those of fixed wings.
     pub fn extended(mut self, mechanisms: Vec<Mechanism>) -> Result<Self, FdmError> {
+        let Some(first) = mechanisms.first() else {
+            return Ok(self);
+        };
         match &mut self {
-            Self::FixedWing(aircraft) => aircraft.mechanism.extend(mechanisms),
-            Self::Multirotor(multirotor) => {
-                if let Some(mechanism) = mechanisms.first() {
-                    return Err(FdmError::NotOfMultirotors {
-                        aircraft: multirotor.name.clone(),
-                        what: format!("mechanism \"{}\"", mechanism.id),
-                    });
-                }
+            Self::FixedWing(aircraft) => {
+                Arc::make_mut(aircraft).mechanism.extend(mechanisms);
+                Ok(self)
             }
+            Self::Multirotor(multirotor) => Err(FdmError::NotOfMultirotors {
+                aircraft: multirotor.name.clone(),
+                what: format!("mechanism \"{}\"", first.id),
+            }),
         }
-        Ok(self)
     }
 }

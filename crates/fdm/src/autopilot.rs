@@ -26,6 +26,7 @@ use guidance::{Steering, WindEstimate};
 use inner_loops::{PitchLoop, RollLoop};
 use landing::{Landing, LandingCommand, LandingSite};
 use plant::Plant;
+use std::sync::Arc;
 
 /// Height above the launch point up to which take-off climbs straight ahead, m.
 const TAKE_OFF_STRAIGHT_M: f64 = 20.0;
@@ -90,7 +91,7 @@ pub struct Autopilot {
 
 impl Autopilot {
     /// An autopilot with the gains of the aircraft's file.
-    pub fn new(aircraft: &Aircraft) -> Self {
+    pub fn new(aircraft: &Arc<Aircraft>) -> Self {
         Self {
             plant: Plant::new(aircraft),
             gains: aircraft.control,
@@ -128,7 +129,7 @@ impl Autopilot {
     /// The command for the next `dt_s` seconds. Sensor values that are not finite repeat the last
     /// command.
     pub fn command(&mut self, dt_s: f64, sensed: &Sensed, demand: &Demand) -> SurfaceCommand {
-        if !(sensed.is_finite() && dt_s.is_finite() && dt_s > 0.0) {
+        if !sensed.is_sound(dt_s) {
             return self.last;
         }
         let demand = self.take(demand);
@@ -193,8 +194,7 @@ impl Autopilot {
         held: &HeldAttitude,
     ) -> Option<AttitudeDemand> {
         let leaves_ground = matches!(demand.path, Path::TakeOff { .. } | Path::Land { .. });
-        let sound = sensed.is_finite() && dt_s.is_finite() && dt_s > 0.0;
-        if !sound || sensed.on_ground || leaves_ground {
+        if !sensed.is_sound(dt_s) || sensed.on_ground || leaves_ground {
             return None;
         }
         let demand = self.take(demand);
@@ -245,30 +245,23 @@ impl Autopilot {
 
     /// Stabilised flight by a pilot's sticks: roll and pitch angles, throttle by hand.
     pub fn fly_by_wire(&mut self, dt_s: f64, sensed: &Sensed, sticks: &Sticks) -> SurfaceCommand {
-        if !(sensed.is_finite() && dt_s.is_finite() && dt_s > 0.0) {
+        if !sensed.is_sound(dt_s) {
             return self.last;
         }
-        let share = |value: f64| {
-            if value.is_finite() {
-                value.clamp(-1.0, 1.0)
-            } else {
-                0.0
-            }
-        };
-        let pitch_stick = share(sticks.pitch);
-        let limit = if pitch_stick >= 0.0 {
+        let sticks = sticks.limited();
+        let limit = if sticks.pitch >= 0.0 {
             self.gains.pitch_max_deg
         } else {
             -self.gains.pitch_min_deg
         };
         // Sticks ask for angles, not surfaces: a pilot who lets go flies level.
-        let bank = share(sticks.roll) * self.gains.bank_max_deg.to_radians();
+        let bank = sticks.roll * self.gains.bank_max_deg.to_radians();
         // The outer loop's memory runs along, so that handing back to it gives no jump.
         self.energy.follow(sensed);
         self.wind.update(dt_s, sensed);
         self.demand = None;
-        let throttle = share(sticks.throttle).max(0.0);
-        let pitch = pitch_stick * limit.to_radians();
+        let throttle = sticks.throttle.max(0.0);
+        let pitch = sticks.pitch * limit.to_radians();
         self.last = self.stabilise(dt_s, sensed, bank, pitch, throttle);
         self.last
     }

@@ -5,7 +5,6 @@ use air::STANDARD_GRAVITY_M_S2;
 
 use crate::aircraft::{Aircraft, MassProperties};
 use crate::scalar::{angle, bounded, larger};
-use crate::shared::shared;
 use std::sync::Arc;
 
 /// Airspeed below which the dimensionless rates stop growing, m/s.
@@ -294,9 +293,9 @@ pub fn flow(m: &[[f64; 3]; 3], vel_ned: &[f64; 3], wind_ned: &[f64; 3]) -> Flow 
 
 impl Dynamics {
     /// Prepares the constants of a checked aircraft.
-    pub fn new(aircraft: &Aircraft) -> Self {
+    pub fn new(aircraft: &Arc<Aircraft>) -> Self {
         Self {
-            aircraft: shared(aircraft),
+            aircraft: aircraft.clone(),
             inverse_mass: 1.0 / aircraft.body.mass_kg,
             inertia: Inertia::of(&aircraft.body),
             induced: induced_drag_factor(aircraft),

@@ -4,6 +4,7 @@
 use crate::aircraft::Aircraft;
 use crate::error::FdmError;
 use crate::state::FlightState;
+use std::sync::Arc;
 
 /// What the sensors of a vehicle add to the truth.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -51,7 +52,7 @@ impl SensorErrors {
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExtendedAircraft {
     /// The airframe that flies; its list of mechanisms is empty.
-    pub aircraft: Aircraft,
+    pub aircraft: Arc<Aircraft>,
     /// What the sensors add.
     pub sensors: SensorErrors,
     /// Added to the wind, NED, m/s.
@@ -63,24 +64,31 @@ impl ExtendedAircraft {
     ///
     /// # Errors
     /// As [`crate::mechanism::Mechanism::values`], or what [`Aircraft::check`] refuses of the result.
-    pub fn of(aircraft: &Aircraft) -> Result<Self, FdmError> {
-        let mut base = aircraft.clone();
-        let mechanisms = std::mem::take(&mut base.mechanism);
-        let mut extended = Self {
-            aircraft: base,
-            sensors: SensorErrors::default(),
-            wind_bias_ned_m_s: [0.0; 3],
-        };
-        for mechanism in &mechanisms {
+    pub fn of(aircraft: &Arc<Aircraft>) -> Result<Self, FdmError> {
+        let mut extended = Self::without_mechanisms(aircraft);
+        for mechanism in &aircraft.mechanism {
             extended.apply(&mechanism.id, mechanism.values()?);
         }
         extended.aircraft.check()?;
         Ok(extended)
     }
 
+    /// The aircraft without the mechanisms of its list.
+    pub fn without_mechanisms(aircraft: &Arc<Aircraft>) -> Self {
+        let mut base = aircraft.clone();
+        if !base.mechanism.is_empty() {
+            Arc::make_mut(&mut base).mechanism.clear();
+        }
+        Self {
+            aircraft: base,
+            sensors: SensorErrors::default(),
+            wind_bias_ned_m_s: [0.0; 3],
+        }
+    }
+
     /// Adds one mechanism with its values in the catalogue's order; they are taken as they come.
     pub fn apply(&mut self, id: &str, [a, b, c]: [f64; 3]) {
-        let (craft, sensors) = (&mut self.aircraft, &mut self.sensors);
+        let (craft, sensors) = (Arc::make_mut(&mut self.aircraft), &mut self.sensors);
         match id {
             "airspeed-scale" => sensors.airspeed_factor *= a,
             "actuator-delay" => craft.surfaces.delay_s += a,
@@ -135,8 +143,9 @@ mod tests {
     use super::*;
     use crate::mechanism::CATALOGUE;
 
-    fn x8() -> Aircraft {
-        Aircraft::from_toml("x8.toml", include_str!("../../../aircraft/x8.toml")).unwrap()
+    fn x8() -> Arc<Aircraft> {
+        let text = include_str!("../../../aircraft/x8.toml");
+        Arc::new(Aircraft::from_toml("x8.toml", text).unwrap())
     }
 
     #[test]
@@ -154,7 +163,9 @@ mod tests {
         let frequency = before.aircraft.surfaces.natural_frequency_rad_s;
         let after = extended.aircraft.surfaces.natural_frequency_rad_s;
         assert!((after / frequency - 1.0).abs() < 1e-12);
-        extended.aircraft.surfaces.natural_frequency_rad_s = frequency;
+        Arc::make_mut(&mut extended.aircraft)
+            .surfaces
+            .natural_frequency_rad_s = frequency;
         assert_eq!(extended, before);
     }
 
@@ -195,11 +206,11 @@ mod tests {
     fn files_carry_mechanisms_and_bad_ones_are_refused() {
         let text = include_str!("../../../aircraft/x8.toml");
         let with = |table: &str| Aircraft::from_toml("x8.toml", &format!("{text}\n{table}"));
-        let good = with("[[mechanism]]\nid = \"roll-damping\"\nfactor = 2").unwrap();
+        let good = Arc::new(with("[[mechanism]]\nid = \"roll-damping\"\nfactor = 2").unwrap());
         let extended = ExtendedAircraft::of(&good).unwrap();
         assert_eq!(extended.aircraft.roll.p, 2.0 * -0.40420);
         let again = Aircraft::from_toml("again", &good.to_toml().unwrap()).unwrap();
-        assert_eq!(again, good);
+        assert_eq!(again, *good);
         for (table, says) in [
             ("[[mechanism]]\nid = \"roll-dampng\"", "roll-dampng"),
             (

@@ -11,6 +11,7 @@ use crate::servo::{LagStep, Servo};
 use crate::state::{AirAround, FlightFlags, FlightPhase, FlightState, SurfaceCommand, sanitised};
 use crate::trim::{self, Trim};
 use delay::DelayLine;
+use std::sync::Arc;
 
 /// A vehicle that flies.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,7 +41,7 @@ impl FlightSim {
     /// [`FdmError::NoTrim`] when the aircraft cannot fly level at that airspeed; a mechanism of
     /// its list that is unknown or out of range.
     pub fn airborne(
-        aircraft: &Aircraft,
+        aircraft: &Arc<Aircraft>,
         north_m: f64,
         east_m: f64,
         alt_amsl_m: f64,
@@ -60,7 +61,7 @@ impl FlightSim {
     /// # Errors
     /// A mechanism of the aircraft's list that is unknown or out of range.
     pub fn on_ground(
-        aircraft: &Aircraft,
+        aircraft: &Arc<Aircraft>,
         north_m: f64,
         east_m: f64,
         ground_amsl_m: f64,

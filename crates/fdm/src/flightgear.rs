@@ -149,12 +149,13 @@ impl NetFdm {
 mod tests {
     use super::*;
     use crate::{Aircraft, FlightSim};
+    use std::sync::Arc;
 
     /// `tests/oracle/flightgear.py` packs the same values with pymavlink's fgFDM.
     #[test]
     fn bytes_are_those_of_pymavlink() {
-        let aircraft =
-            Aircraft::from_toml("x8", include_str!("../../../aircraft/x8.toml")).unwrap();
+        let text = include_str!("../../../aircraft/x8.toml");
+        let aircraft = Arc::new(Aircraft::from_toml("x8", text).unwrap());
         let sim = FlightSim::airborne(&aircraft, 0.0, 0.0, 400.0, 90.0, 18.0).unwrap();
         let mut state = sim.state();
         state.roll_rad = 0.25;

@@ -16,9 +16,10 @@
 //! ```
 //! use fdm::autopilot::{Autopilot, Demand, Path, Sensed};
 //! use fdm::{AirAround, Aircraft, FlightSim};
+//! use std::sync::Arc;
 //!
 //! let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../aircraft/x8.toml"));
-//! let aircraft = Aircraft::from_toml("x8.toml", text)?;
+//! let aircraft = Arc::new(Aircraft::from_toml("x8.toml", text)?);
 //! let mut sim = FlightSim::airborne(&aircraft, 0.0, 0.0, 400.0, 0.0, 18.0)?;
 //! let mut autopilot = Autopilot::new(&aircraft);
 //! let (air, dt_s) = (AirAround::STANDARD_CALM, 0.02);
@@ -58,7 +59,6 @@ mod piloted;
 mod range;
 mod scalar;
 pub mod servo;
-mod shared;
 pub mod state;
 pub mod trim;
 pub mod tune;

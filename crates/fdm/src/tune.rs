@@ -12,6 +12,7 @@ use serde::Serialize;
 use crate::aircraft::{Aircraft, ControlGains};
 use crate::error::FdmError;
 use crate::mechanism::Mechanism;
+use std::sync::Arc;
 
 mod aircraft_file;
 mod flights;
@@ -185,6 +186,7 @@ pub fn tune(
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<TuneReport, FdmError> {
     aircraft.check()?;
+    let aircraft = &Arc::new(aircraft.clone());
     progress(0, order.candidates);
     let before = judge(aircraft, order, &aircraft.control)?;
     let search = GainSearch {
@@ -237,7 +239,7 @@ fn no_margins(before: &Judged, order: &TuneOrder) -> FdmError {
 
 /// What a search needs to know.
 struct GainSearch<'a> {
-    aircraft: &'a Aircraft,
+    aircraft: &'a Arc<Aircraft>,
     order: &'a TuneOrder,
     before: &'a Judged,
 }
@@ -348,7 +350,10 @@ impl GainSearch<'_> {
 }
 
 /// Margins of the inner loops between the slowest and the fastest flight.
-fn inner_margins(aircraft: &Aircraft, gains: &ControlGains) -> Result<Vec<LoopMargin>, FdmError> {
+fn inner_margins(
+    aircraft: &Arc<Aircraft>,
+    gains: &ControlGains,
+) -> Result<Vec<LoopMargin>, FdmError> {
     let l = &aircraft.limits;
     let cruise = l.airspeed_cruise_m_s;
     let slow = l.airspeed_min_m_s + 0.25 * (cruise - l.airspeed_min_m_s);
@@ -361,7 +366,11 @@ fn inner_margins(aircraft: &Aircraft, gains: &ControlGains) -> Result<Vec<LoopMa
 }
 
 /// Everything about a set of gains.
-fn judge(aircraft: &Aircraft, order: &TuneOrder, gains: &ControlGains) -> Result<Judged, FdmError> {
+fn judge(
+    aircraft: &Arc<Aircraft>,
+    order: &TuneOrder,
+    gains: &ControlGains,
+) -> Result<Judged, FdmError> {
     let flown = flights::fly_all(aircraft, gains, &order.weather)?;
     let held_out = flights::fly_all(aircraft, gains, &order.held_out)?;
     let mut margins = inner_margins(aircraft, gains)?;

@@ -5,13 +5,14 @@ use fdm::autopilot::{Autopilot, Demand, Path, Sensed};
 use fdm::{AirAround, Aircraft, FlightPhase, FlightSim, FlightState};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
+use std::sync::Arc;
 
 const TICK_S: f64 = 0.02;
 const X8: &str = include_str!("../../../aircraft/x8.toml");
 const ULTRA_STICK: &str = include_str!("../../../aircraft/ultrastick-25e.toml");
 
-fn x8() -> Aircraft {
-    Aircraft::from_toml("x8.toml", X8).unwrap()
+fn x8() -> Arc<Aircraft> {
+    Arc::new(Aircraft::from_toml("x8.toml", X8).unwrap())
 }
 
 /// A day: steady wind and gusts of MIL-F-8785C for the wind at 20 ft.
@@ -171,7 +172,7 @@ fn takes_off_and_lands_at_home_in_gusts() {
     for seed in 1..=8 {
         // Even seeds fly the aircraft with a tail.
         let text = if seed % 2 == 0 { ULTRA_STICK } else { X8 };
-        let aircraft = Aircraft::from_toml("aircraft", text).unwrap();
+        let aircraft = Arc::new(Aircraft::from_toml("aircraft", text).unwrap());
         let mut flown = Flown {
             sim: FlightSim::on_ground(&aircraft, 0.0, 0.0, 340.0, 270.0).unwrap(),
             pilot: Autopilot::new(&aircraft),
@@ -296,7 +297,7 @@ fn integrals_trim_a_crooked_aircraft_and_do_not_wind_up() {
         "{X8}\n[[mechanism]]\nid = \"surface-trim-offset\"\nelevator_deg = 3.0\naileron_deg = 2.0\n\
          [[mechanism]]\nid = \"thrust-loss\"\nlost_share = 0.2\n"
     );
-    let aircraft = Aircraft::from_toml("crooked", &crooked).unwrap();
+    let aircraft = Arc::new(Aircraft::from_toml("crooked", &crooked).unwrap());
     let mut flown = airborne(Day::calm());
     flown.sim = FlightSim::airborne(&aircraft, 0.0, 0.0, 400.0, 0.0, 18.0).unwrap();
     let mut demand = Demand {

@@ -4,18 +4,19 @@
 //! aircraft of our own, planet at rest, the same gravity, density and hold of the controls).
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use fdm::dynamics::Dynamics;
 use fdm::{AirAround, Aircraft, FlightSim, SurfaceCommand, trim};
 
 const TICK_S: f64 = 0.01;
 
-fn aircraft(name: &str) -> Aircraft {
+fn aircraft(name: &str) -> Arc<Aircraft> {
     let text = match name {
         "x8" => include_str!("../../../aircraft/x8.toml"),
         _ => include_str!("../../../aircraft/ultrastick-25e.toml"),
     };
-    Aircraft::from_toml(name, text).unwrap()
+    Arc::new(Aircraft::from_toml(name, text).unwrap())
 }
 
 /// Rows of a CSV: (aircraft, airspeed, case) and the numbers after them.

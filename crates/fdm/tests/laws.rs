@@ -5,11 +5,12 @@ use fdm::dynamics::{AirState, Body, Controls, Dynamics, rotation};
 use fdm::quaternion;
 use fdm::{AirAround, Aircraft, FlightSim, SurfaceCommand};
 use proptest::prelude::*;
+use std::sync::Arc;
 
 const G: f64 = 9.806_65;
 
-fn x8() -> Aircraft {
-    Aircraft::from_toml("x8.toml", include_str!("../../../aircraft/x8.toml")).unwrap()
+fn x8() -> Arc<Aircraft> {
+    Arc::new(Aircraft::from_toml("x8.toml", include_str!("../../../aircraft/x8.toml")).unwrap())
 }
 
 fn still_air(density: f64) -> AirState {

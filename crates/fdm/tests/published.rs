@@ -4,9 +4,10 @@
 use fdm::dynamics::Dynamics;
 use fdm::{Aircraft, trim};
 use nalgebra::{Complex, DMatrix};
+use std::sync::Arc;
 
-fn x8() -> Aircraft {
-    Aircraft::from_toml("x8.toml", include_str!("../../../aircraft/x8.toml")).unwrap()
+fn x8() -> Arc<Aircraft> {
+    Arc::new(Aircraft::from_toml("x8.toml", include_str!("../../../aircraft/x8.toml")).unwrap())
 }
 
 #[test]

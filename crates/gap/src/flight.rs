@@ -42,6 +42,8 @@ mod suspect;
 mod transition;
 pub mod windows;
 
+use std::sync::Arc;
+
 use fdm::Aircraft;
 use serde::Serialize;
 
@@ -174,8 +176,6 @@ impl<'a> Finding<'a> {
         }
         let gap = GapJson {
             schema: SCHEMA,
-            gas: None,
-            readings: None,
             verdict: answer.verdict,
             summary,
             residual: residual::bins(&study, &first),
@@ -184,16 +184,11 @@ impl<'a> Finding<'a> {
             next_flight: next_flight::propose(&answer),
             base: answer::base(&study, &last, &answer.set),
             unexplained: answer.unexplained,
-            insufficient: None,
-            pairs: Vec::new(),
-            contact: None,
-            discrepancy: None,
-            noise: None,
-            applied: None,
             data_quality: study.gated.data_quality.clone(),
             notices,
             ranking: answer.ranking,
             causes: answer.causes,
+            ..GapJson::default()
         };
         FlightReport {
             gap,
@@ -212,8 +207,9 @@ impl<'a> Finding<'a> {
 fn extend(aircraft: &Aircraft, answer: &Answer, notices: &mut Vec<String>) -> Aircraft {
     let mut extended = aircraft.clone();
     extended.mechanism.extend(answer::extension(&answer.causes));
+    let extended = Arc::new(extended);
     if fdm::extended::ExtendedAircraft::of(&extended).is_ok() {
-        return extended;
+        return Arc::unwrap_or_clone(extended);
     }
     notices.push(
         "the extended aircraft lies outside what an aircraft file may say; extended.toml is the base"

@@ -59,15 +59,7 @@
 //!         lon_deg: at.lon_deg,
 //!         alt_amsl_m: 640.0,
 //!         co2_ppm: Some(sensor.read(model.mean_ppm(&place, time_s), 1.0, &mut rng)),
-//!         wind_speed_m_s: None,
-//!         wind_from_deg: None,
-//!         temperature_c: None,
-//!         relative_humidity_pct: None,
-//!         pressure_hpa: None,
-//!         sd_ppm: None,
-//!         averaging_s: None,
-//!         line_end: None,
-//!         spread_s: 0.0,
+//!         ..ObservationRow::default()
 //!     }
 //! });
 //! let observations = Observations {
@@ -91,6 +83,7 @@
 pub mod applied;
 pub mod flight;
 pub mod plume;
+mod statistics;
 pub mod tracer;
 pub mod verdict;
 

@@ -28,8 +28,8 @@ use serde::{Deserialize, Serialize};
 use crate::GapError;
 use crate::applied::EarlierTracer;
 use crate::verdict::{
-    Cause, Detectable, Gain, GapJson, NextFlight, Parameter, Ranked, SCHEMA, Unexplained,
-    UnexplainedKind, Verdict, number_or_null,
+    Cause, DETECTABLE_NATS, Detectable, Gain, GapJson, NextFlight, Parameter, Ranked, SCHEMA,
+    Unexplained, UnexplainedKind, Verdict, number_or_null,
 };
 pub use apply::apply;
 use arcs::{Arc, TrialArcs};
@@ -130,9 +130,6 @@ pub struct TriedModel {
 
 /// Fewest trials of a kind of air for a fit.
 pub const LEAST_TRIALS: usize = 4;
-
-/// Log score at which an effect counts as visible, nats.
-const VISIBLE_NATS: f64 = 20.0;
 
 /// Kinds of air by the sign of the Obukhov length.
 const AIRS: [(&str, f64); 2] = [("unstable", -1.0), ("stable", 1.0)];
@@ -241,12 +238,6 @@ pub fn analyse(
 fn in_air(trials: &[TrialArcs], sign: f64) -> Vec<&TrialArcs> {
     let is_in = |t: &&TrialArcs| t.weather.obukhov_length_m * sign > 0.0;
     trials.iter().filter(is_in).collect()
-}
-
-/// Middle value, the upper of two.
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
 }
 
 /// Tries everything on the trials of one kind of air; a notice where they do not allow it.
@@ -417,7 +408,7 @@ fn detectable(answer: &Answer<'_>) -> Vec<Detectable> {
     });
     let seen = own.map(|p| Detectable {
         // Gain = (effect / sd)² / 2.
-        value: (2.0 * VISIBLE_NATS).sqrt() * p.sd,
+        value: (2.0 * DETECTABLE_NATS).sqrt() * p.sd,
         mechanism: p.mechanism.clone(),
         parameter: p.name.clone(),
         unit: p.unit.clone(),
@@ -435,14 +426,7 @@ fn next_trials(causes: &[Cause]) -> Option<NextFlight> {
     } else {
         "wind vanes at two heights, and more samplers inside the plume at the farthest arcs"
     };
-    Some(NextFlight {
-        separates: cause.mechanisms.clone(),
-        platform: None,
-        description: description.into(),
-        waypoints: Vec::new(),
-        expected_nats: f64::NAN,
-        settles_probability: f64::NAN,
-    })
+    Some(NextFlight::in_words(&cause.mechanisms, description))
 }
 
 #[cfg(test)]

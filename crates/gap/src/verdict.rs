@@ -226,6 +226,9 @@ pub struct Gain {
     pub held_out: HeldOut,
 }
 
+/// Gain of the log score at which an effect is almost surely detected, nats.
+pub(crate) const DETECTABLE_NATS: f64 = 20.0;
+
 /// The smallest effect that these data could have shown.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Detectable {
@@ -268,6 +271,20 @@ pub struct NextFlight {
     pub expected_nats: f64,
     /// How probably they are told apart at 95 % once it is flown; not finite likewise.
     pub settles_probability: f64,
+}
+
+impl NextFlight {
+    /// One that is described in words alone, for any platform.
+    pub(crate) fn in_words(separates: &[String], description: &str) -> Self {
+        Self {
+            separates: separates.to_vec(),
+            platform: None,
+            description: description.to_owned(),
+            waypoints: Vec::new(),
+            expected_nats: f64::NAN,
+            settles_probability: f64::NAN,
+        }
+    }
 }
 
 /// A parameter of the base.
@@ -324,9 +341,7 @@ impl UnexplainedKind {
             Self::NoContact => "the readings do not follow the modelled plume",
         }
     }
-}
 
-impl UnexplainedKind {
     /// What to do about it.
     pub fn next_step(self) -> &'static str {
         match self {

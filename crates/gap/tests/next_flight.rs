@@ -49,13 +49,7 @@ fn flown(next: &NextFlight, (id, p): (&str, &[(&str, f64)]), seed: u64) -> Vec<O
                 co2_ppm: Some(sensor.read(turbulent, 1.0, &mut rng)),
                 wind_speed_m_s: Some(7.0 + 0.3 * normal(&mut rng)),
                 wind_from_deg: Some(250.0 + 1.5 * normal(&mut rng)),
-                temperature_c: None,
-                relative_humidity_pct: None,
-                pressure_hpa: None,
-                sd_ppm: None,
-                averaging_s: None,
-                line_end: None,
-                spread_s: 0.0,
+                ..ObservationRow::default()
             });
         }
     }

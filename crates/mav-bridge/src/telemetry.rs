@@ -90,7 +90,7 @@ impl Telemetry {
                 .map_or(model.pressure_pa, |p| p * 100.0),
             ..model
         };
-        (air.density_kg_m3() / Atmosphere::standard().at(0.0).density_kg_m3()).sqrt()
+        air.eas_over_tas()
     }
 
     fn pressure_hpa(&self, now: SimTime) -> Option<f64> {

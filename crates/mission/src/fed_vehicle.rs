@@ -232,13 +232,7 @@ mod tests {
             co2_ppm: Some(450.0),
             wind_speed_m_s: Some(5.0),
             wind_from_deg: Some(0.0),
-            temperature_c: None,
-            relative_humidity_pct: None,
-            pressure_hpa: None,
-            sd_ppm: None,
-            averaging_s: None,
-            line_end: None,
-            spread_s: 0.0,
+            ..ObservationRow::default()
         }
     }
 

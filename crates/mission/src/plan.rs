@@ -14,13 +14,13 @@ use plume::{DispersionModel, Gas, Place};
 use protocol::message::{Estimate, Message, PeakStatus, Reading, VehicleKind as Kind};
 use protocol::{SimTime, Topic};
 use record::campaign::stated_number;
-use record::campaign::table::median;
 use record::summary::{CORRECTED, MissionSummary, Outcome, Summariser};
 use scenario::random::stream;
 use scenario::tables::VehicleKind;
 use scenario::world::WorldError;
 use serde::Serialize;
 use std::collections::BTreeMap;
+use study::median;
 use ws::READ_SD;
 
 /// The schema that `plan.json` names.

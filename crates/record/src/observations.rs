@@ -91,11 +91,7 @@ fn row(platform: usize, time: SimTime, reading: &Reading) -> ObservationRow {
         wind_speed_m_s: reading.wind_speed_m_s,
         wind_from_deg: reading.wind_from_deg,
         temperature_c: reading.temperature_c,
-        relative_humidity_pct: None,
         pressure_hpa: reading.pressure_hpa,
-        sd_ppm: None,
-        averaging_s: None,
-        line_end: None,
-        spread_s: 0.0,
+        ..ObservationRow::default()
     }
 }

@@ -3,7 +3,6 @@
 use crate::error::StandInError;
 use crate::parameters::AutopilotParameters;
 use air::geo::{Geodetic, LocalFrame};
-use air::isa::Atmosphere;
 use air::terrain::Terrain;
 use air::wind::WindSeries;
 use fdm::Airframe;
@@ -72,9 +71,7 @@ impl StandInConfig {
             .map_err(refuse)?;
         let model = reality.dispersion_model().map_err(refuse)?;
         let home_amsl_m = reality.site.ground_amsl_m;
-        let home_air = model.spec().atmosphere.at(home_amsl_m);
-        let sea_level = Atmosphere::standard().at(0.0).density_kg_m3();
-        let eas_over_tas = (home_air.density_kg_m3() / sea_level).sqrt();
+        let eas_over_tas = model.spec().atmosphere.at(home_amsl_m).eas_over_tas();
         let speeds = aircraft.speeds();
         Ok(Self {
             system_id: u8::try_from(index + 1).unwrap_or(1),

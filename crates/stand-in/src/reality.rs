@@ -3,7 +3,7 @@
 use crate::config::StandInConfig;
 use air::dryden::{Dryden, Turbulence};
 use air::geo::{Enu, LocalFrame};
-use air::isa::{Air, Atmosphere};
+use air::isa::Air;
 use air::terrain::Terrain;
 use air::wind::{WindProfile, WindSeries, WindVector};
 use fdm::{AirAround, FlightState};
@@ -94,8 +94,7 @@ impl Reality {
 
     /// Equivalent over true airspeed in the air at the vehicle.
     pub(crate) fn eas_over_tas(&self) -> f64 {
-        let sea_level = Atmosphere::standard().at(0.0).density_kg_m3();
-        (self.air.density_kg_m3() / sea_level).sqrt()
+        self.air.eas_over_tas()
     }
 
     /// What changes slowly: mean wind, turbulence and air at the vehicle's height.

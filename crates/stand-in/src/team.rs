@@ -131,7 +131,7 @@ impl TeamVehicle {
         let frame = scenario.frame().ok()?;
         let atmosphere = scenario.atmosphere().ok()?;
         let speeds = aircraft.speeds();
-        let eas_over_tas = eas_over_tas(&atmosphere, home_amsl_m);
+        let eas_over_tas = atmosphere.at(home_amsl_m).eas_over_tas();
         let parameters = if aircraft.hovers() {
             AutopilotParameters::of_multirotor()
         } else {
@@ -306,7 +306,7 @@ impl TeamVehicle {
             home: self.home,
             origin: self.home,
             wind_m_s,
-            eas_over_tas: eas_over_tas(&self.atmosphere, state.alt_amsl_m),
+            eas_over_tas: self.atmosphere.at(state.alt_amsl_m).eas_over_tas(),
             air,
             sticks: fdm::autopilot::Sticks {
                 roll: self.sticks.roll,
@@ -510,12 +510,6 @@ impl TeamVehicle {
         };
         self.speaker.send(&ack, now);
     }
-}
-
-/// Equivalent over true airspeed.
-fn eas_over_tas(atmosphere: &Atmosphere, alt_amsl_m: f64) -> f64 {
-    let sea_level = Atmosphere::standard().at(0.0).density_kg_m3();
-    (atmosphere.at(alt_amsl_m).density_kg_m3() / sea_level).sqrt()
 }
 
 /// As much of a flight as the bus tells.

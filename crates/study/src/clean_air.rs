@@ -1,6 +1,7 @@
 //! What a sensor at rest reads above clean air.
 
-use crate::sectors::{EDDY_S, REACH_DEG};
+use crate::median;
+use crate::sectors::REACH_DEG;
 use crate::stations::{Reading, Station};
 use std::collections::BTreeMap;
 
@@ -63,7 +64,10 @@ impl Excess {
 /// The excess at each station of a network. Each sensor has a zero of its own, the median of what it reads while the wind
 /// blows past it; the stations beside the plume show how the background changes in time.
 pub(crate) fn of_network(stations: &[Station], stated_sd_ppm: f64) -> Vec<Excess> {
-    let zeros: Vec<Option<f64>> = stations.iter().map(|s| median(aside(s))).collect();
+    let zeros: Vec<Option<f64>> = stations
+        .iter()
+        .map(|s| median_of_enough(aside(s)))
+        .collect();
     let drift = drift(stations, &zeros);
     let of = |(station, zero): (&Station, &Option<f64>)| {
         let Some(zero) = zero else {
@@ -73,7 +77,7 @@ pub(crate) fn of_network(stations: &[Station], stated_sd_ppm: f64) -> Vec<Excess
             .readings
             .iter()
             .map(|r| Reading {
-                ppm: r.ppm - zero - drift.get(&block(r)).copied().unwrap_or(0.0),
+                ppm: r.ppm - zero - drift.get(&r.eddy()).copied().unwrap_or(0.0),
                 ..*r
             })
             .collect();
@@ -81,7 +85,7 @@ pub(crate) fn of_network(stations: &[Station], stated_sd_ppm: f64) -> Vec<Excess
             .iter()
             .filter(|r| r.off_deg.abs() > REACH_DEG)
             .map(|r| r.ppm.abs());
-        let noise_sd_ppm = median(off.collect()).map_or(stated_sd_ppm, |mad| {
+        let noise_sd_ppm = median_of_enough(off.collect()).map_or(stated_sd_ppm, |mad| {
             (SD_PER_MAD * mad).max(LEAST_NOISE_PART * stated_sd_ppm)
         });
         Excess {
@@ -115,30 +119,22 @@ fn drift(stations: &[Station], zeros: &[Option<f64>]) -> BTreeMap<i64, f64> {
             .iter()
             .filter(|r| r.off_deg.abs() > REACH_DEG);
         for r in past {
-            by_block.entry(block(r)).or_default().push(r.ppm - zero);
+            by_block.entry(r.eddy()).or_default().push(r.ppm - zero);
         }
     }
     by_block
         .into_iter()
         // One station alone may meet gas of its own.
         .filter(|(_, off)| off.len() >= 2)
-        .map(|(block, mut off)| (block, middle(&mut off)))
+        .filter_map(|(block, off)| Some((block, median(off)?)))
         .collect()
 }
 
-fn block(reading: &Reading) -> i64 {
-    (reading.time_s / EDDY_S).floor() as i64
-}
-
 /// The median of enough values.
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    (values.len() >= FEWEST_ASIDE).then(|| middle(&mut values))
-}
-
-fn middle(values: &mut [f64]) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let n = values.len();
-    0.5 * (values[(n - 1) / 2] + values[n / 2])
+fn median_of_enough(values: Vec<f64>) -> Option<f64> {
+    Some(values)
+        .filter(|v| v.len() >= FEWEST_ASIDE)
+        .and_then(median)
 }
 
 /// The value below which `part` of sorted values lie.

@@ -5,13 +5,18 @@ use crate::Interval;
 /// Grids of normal quantities reach so many standard deviations.
 const GRID_SD: f64 = 2.5;
 
+/// `steps` values at equal distances from `reach` below `middle` to as much above it.
+pub(crate) fn around(middle: f64, reach: f64, steps: usize) -> Vec<f64> {
+    let at = |k: usize| middle + reach * (2.0 * k as f64 / (steps - 1) as f64 - 1.0);
+    (0..steps).map(at).collect()
+}
+
 /// `steps` values of a standard normal quantity with their weights, which sum to one.
 pub(crate) fn normal_grid(steps: usize) -> Vec<(f64, f64)> {
-    let at = |k: usize| GRID_SD * (2.0 * k as f64 / (steps - 1) as f64 - 1.0);
-    let all: f64 = (0..steps).map(|k| (-0.5 * at(k).powi(2)).exp()).sum();
-    (0..steps)
-        .map(|k| (at(k), (-0.5 * at(k).powi(2)).exp() / all))
-        .collect()
+    let bell = |z: f64| (-0.5 * z.powi(2)).exp();
+    let values = around(0.0, GRID_SD, steps);
+    let all: f64 = values.iter().map(|z| bell(*z)).sum();
+    values.into_iter().map(|z| (z, bell(z) / all)).collect()
 }
 
 /// Mean of weighted values.

@@ -45,6 +45,13 @@ const CALM_M_S: f64 = 0.5;
 /// Half width of the central 95 % interval of a normal quantity, in standard deviations: Φ⁻¹(0.975).
 pub const SD_95: f64 = 1.959_964;
 
+/// Median: of an even number the mean of the middle two; none of nothing.
+pub fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    let (last, n) = (values.len().checked_sub(1)?, values.len());
+    Some(f64::midpoint(values[last / 2], values[n / 2]))
+}
+
 /// A positive quantity with its 95 % interval.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Interval {
@@ -157,6 +164,21 @@ pub struct PlumeFlux {
     pub passes: Vec<PassFlux>,
     /// What a reader should know beside the number.
     pub notes: Vec<String>,
+}
+
+impl PlumeFlux {
+    /// States the rate whose logarithm has these values and weights, kg/s. The variances `inside` are in them; those
+    /// `beside` come from independent terms, which widen them.
+    pub(crate) fn state(
+        &mut self,
+        ln_kg_s: Vec<(f64, f64)>,
+        inside: &[(Term, f64)],
+        beside: &[(Term, f64)],
+    ) -> Interval {
+        let extra_sd = beside.iter().map(|t| t.1).sum::<f64>().sqrt();
+        self.budget = budget(&[inside, beside].concat());
+        *self.kg_s.insert(grid::interval(ln_kg_s, extra_sd))
+    }
 }
 
 /// A pass of the plume.

@@ -5,7 +5,7 @@
 //! own, since a Gaussian plume predicts no single place better. The posterior of the rate is computed on a grid.
 
 use crate::clean_air::{Excess, of_network};
-use crate::grid::{Summed, interval, mean, normal_grid, variance};
+use crate::grid::{Summed, around, mean, normal_grid, variance};
 use crate::point::upper_limit_kg_s;
 use crate::position;
 use crate::profile::{DIRECTION_SD_DEG, PROFILE_FLOOR, Shape, moment};
@@ -14,7 +14,7 @@ use crate::sectors::{
 };
 use crate::stations::{Reading, Sight, Station, stations};
 use crate::vertical::Vertical;
-use crate::{LOGGED_SPEED_LN_SD, PlumeFlux, StudyError, Term, budget};
+use crate::{LOGGED_SPEED_LN_SD, PlumeFlux, StudyError, Term};
 use plume::DispersionSpec;
 use scenario::Scenario;
 use scenario::observations::{Observations, checks};
@@ -90,18 +90,16 @@ impl<'a> View<'a> {
 /// Readings in a wind that brings gas from the source as it is logged: not in a calm, in which it drifts about.
 fn carried(station: &Station, readings: Vec<Reading>) -> Vec<Reading> {
     let mut by_eddy: BTreeMap<i64, (f64, f64)> = BTreeMap::new();
-    let eddy = |r: &Reading| (r.time_s / EDDY_S).floor() as i64;
     for r in &readings {
-        let slot = by_eddy.entry(eddy(r)).or_default();
+        let slot = by_eddy.entry(r.eddy()).or_default();
         *slot = (slot.0 + r.speed_m_s, slot.1 + 1.0);
     }
     let enough_m_s = (station.distance_m / TRAVEL_S).min(station.mean_speed_m_s());
     readings
         .into_iter()
         .filter(|r| {
-            by_eddy
-                .get(&eddy(r))
-                .is_some_and(|(sum, n)| sum / n >= enough_m_s)
+            let (sum, n) = by_eddy[&r.eddy()];
+            sum / n >= enough_m_s
         })
         .collect()
 }
@@ -147,22 +145,20 @@ fn flux(vertical: &Vertical<'_>, stations: &[Station], views: &[View<'_>]) -> Pl
     // Stations share what none of them is worth alone.
     let station_variance = STATION_LN_SD.powi(2) / met.len() as f64;
     let rest = posterior.rest_variance;
-    out.budget = budget(&[
+    let beside = [
         (Term::WindSpeed, LOGGED_SPEED_LN_SD.powi(2)),
         (Term::Sensor, vertical.gain_ln_sd.powi(2)),
         (Term::Background, background.powi(2)),
         (Term::SourcePosition, position),
+    ];
+    let inside = [
         (Term::WindDirection, posterior.direction_variance),
         (Term::Dispersion, posterior.dispersion_variance),
         (Term::Height, posterior.height_variance),
         (Term::Representativeness, station_variance.min(rest)),
         (Term::Turbulence, (rest - station_variance).max(0.0)),
-    ]);
-    let extra_sd = LOGGED_SPEED_LN_SD
-        .hypot(vertical.gain_ln_sd)
-        .hypot(background)
-        .hypot(position.sqrt());
-    let rate = interval(posterior.ln_rate, extra_sd);
+    ];
+    let rate = out.state(posterior.ln_rate, &inside, &beside);
     out.from_deg = air::geo::wrap_deg(out.from_deg + posterior.direction_deg);
     out.from_sd_deg = Some(posterior.direction_sd_deg);
     let strongest = met.iter().max_by(|a, b| weight(a).total_cmp(&weight(b)));
@@ -184,7 +180,6 @@ fn flux(vertical: &Vertical<'_>, stations: &[Station], views: &[View<'_>]) -> Pl
                 .into(),
         );
     }
-    out.kg_s = Some(rate);
     out
 }
 
@@ -282,12 +277,7 @@ impl Posterior {
             .map_or(0.0, |v| {
                 density([0.0; 2], v).max((LEAST_DENSITY_1_M / per_ppm(v.0)).ln())
             });
-        let rates: Vec<f64> = (0..RATE_STEPS)
-            .map(|k| {
-                let part = 2.0 * k as f64 / (RATE_STEPS - 1) as f64 - 1.0;
-                strongest - best + RATE_REACH_LN * part
-            })
-            .collect();
+        let rates = around(strongest - best, RATE_REACH_LN, RATE_STEPS);
         let shapes: Vec<(f64, f64, f64)> = normal_grid(GRID_STEPS)
             .into_iter()
             .flat_map(|(direction, by_direction)| {

@@ -4,7 +4,7 @@
 //! and down meanwhile (`wander.rs`). Passes at several distances join, each in the spread of its own.
 
 use crate::Interval;
-use crate::grid::{Summed, interval, mean, normal_grid, variance};
+use crate::grid::{Summed, around, interval, mean, normal_grid, variance};
 use crate::vertical::MeanPlume;
 use crate::wander::{Crossing, PlumeParts, Wander};
 use air::wind::WindVector;
@@ -177,9 +177,7 @@ impl Posterior {
             distances.iter().map(|d| plume(*d, off)).collect()
         };
         let middle = middle_ln(&crossings, &plumes([0.0; 2]));
-        let rates: Vec<f64> = (0..RATE_STEPS)
-            .map(|k| middle + RATE_REACH_LN * (2.0 * k as f64 / (RATE_STEPS - 1) as f64 - 1.0))
-            .collect();
+        let rates = around(middle, RATE_REACH_LN, RATE_STEPS);
         let kg_s: Vec<f64> = rates.iter().map(|r| r.exp()).collect();
         let [sigmas, heights] = grids;
         let mut cells = Vec::new();

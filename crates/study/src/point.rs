@@ -11,7 +11,7 @@
 //! the same on every machine and needs no start value; the emission that the scenario states plays no part.
 
 use crate::clean_air::Excess;
-use crate::grid::{Summed, interval, mean, normal_grid, variance};
+use crate::grid::{Summed, around, mean, normal_grid, variance};
 use crate::position;
 use crate::profile::{DIRECTION_SD_DEG, PROFILE_FLOOR, Shape, moment};
 use crate::sectors::{
@@ -20,7 +20,7 @@ use crate::sectors::{
 };
 use crate::stations::{Station, stations};
 use crate::vertical::Vertical;
-use crate::{LOGGED_SPEED_LN_SD, PlumeFlux, StudyError, Term, budget};
+use crate::{LOGGED_SPEED_LN_SD, PlumeFlux, StudyError, Term};
 use plume::DispersionSpec;
 use scenario::Scenario;
 use scenario::observations::{Observations, checks};
@@ -99,21 +99,19 @@ fn flux(
         mean(&ln_rates(vertical, place, &profile))
     });
     let [sigma_z_variance, height_variance] = vertical.variances(station.at(), GRID_STEPS);
-    out.budget = budget(&[
+    let beside = [
         (Term::WindSpeed, LOGGED_SPEED_LN_SD.powi(2)),
         (Term::Sensor, vertical.gain_ln_sd.powi(2)),
         (Term::Background, background.powi(2)),
         (Term::SourcePosition, position),
+    ];
+    let inside = [
         (Term::WindDirection, profile.direction_variance),
         (Term::Turbulence, profile.turbulence_variance),
         (Term::Dispersion, profile.width_variance + sigma_z_variance),
         (Term::Height, height_variance),
-    ]);
-    let extra_sd = LOGGED_SPEED_LN_SD
-        .hypot(vertical.gain_ln_sd)
-        .hypot(background)
-        .hypot(position.sqrt());
-    let rate = interval(rates, extra_sd);
+    ];
+    let rate = out.state(rates, &inside, &beside);
     out.one_class_off_kg_s = vertical.one_class_off(station.at(), rate.value);
     out.from_deg = air::geo::wrap_deg(out.from_deg + profile.direction_deg);
     out.from_sd_deg = Some(profile.direction_sd_deg);
@@ -122,7 +120,6 @@ fn flux(
             "the highest sector is at the edge of the wind directions: part of the plume was not seen".into(),
         );
     }
-    out.kg_s = Some(rate);
     out
 }
 
@@ -166,12 +163,7 @@ impl Profile {
     ) -> Self {
         let place = (station.seen_from(displaced), station.mean_speed_m_s());
         let middle = moment(sectors, place.0.distance_m).ln();
-        let grid: Vec<f64> = (0..AREA_STEPS)
-            .map(|k| {
-                let part = 2.0 * k as f64 / (AREA_STEPS - 1) as f64 - 1.0;
-                middle + AREA_REACH_LN * part
-            })
-            .collect();
+        let grid = around(middle, AREA_REACH_LN, AREA_STEPS);
         let floor = PROFILE_FLOOR * highest(sectors);
         let mut cells = Vec::new();
         for (direction, by_direction) in normal_grid(GRID_STEPS) {

@@ -1,6 +1,7 @@
 //! What a sensor at rest reads by wind direction.
 
 use crate::clean_air::Excess;
+use crate::stations::Reading;
 use std::collections::BTreeSet;
 
 /// Width of a direction sector, degrees, as in OTM 33A.
@@ -11,6 +12,13 @@ pub(crate) const REACH_DEG: f64 = 60.0;
 pub(crate) const EDDY_S: f64 = 60.0;
 /// The plume is met where the highest sector exceeds the lowest by this many standard deviations of the sensor's noise.
 const MET_SD: f64 = 5.0;
+
+impl Reading {
+    /// Number of the time of [`EDDY_S`] that it falls into.
+    pub fn eddy(&self) -> i64 {
+        (self.time_s / EDDY_S).floor() as i64
+    }
+}
 
 /// Readings in one wind direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -42,10 +50,7 @@ pub(crate) fn sectors(excess: &Excess, fewest: usize) -> Vec<Sector> {
             continue;
         }
         let n = within.len() as f64;
-        let eddies: BTreeSet<i64> = within
-            .iter()
-            .map(|r| (r.time_s / EDDY_S).floor() as i64)
-            .collect();
+        let eddies: BTreeSet<i64> = within.iter().map(|r| r.eddy()).collect();
         let speed_m_s = within.iter().map(|r| r.speed_m_s).sum::<f64>() / n;
         out.push(Sector {
             off_deg: low_deg + 0.5 * SECTOR_DEG,

@@ -6,14 +6,14 @@
 //! only tells which ways lie across it. Rate, σz and height of the plume are common to all passes, and the plume's axis
 //! wanders up and down meanwhile (`wander.rs`). The posterior of the rate is computed on a grid.
 
-use crate::grid::{interval, mean, normal_grid, weighted_quantile};
+use crate::grid::{mean, normal_grid, weighted_quantile};
 use crate::pass_rate::{LEAST_PASSES, Posterior, is_met};
 use crate::position;
 use crate::profile::DIRECTION_SD_DEG;
 use crate::tracks::{ALWAYS, MeanWind, Winds, mean_height_agl_m, samples, site};
 use crate::vertical::{MeanPlume, Vertical};
 use crate::wander::Crossing;
-use crate::{PassFlux, PlumeFlux, StudyError, Term, budget, not_calm};
+use crate::{PassFlux, PlumeFlux, StudyError, Term, not_calm};
 use air::geo::{Enu, wrap_signed_deg};
 use air::wind::WindVector;
 use plume::curtain::{CleanAir, Pass, RejectedPass, Sample, covering, passes};
@@ -188,19 +188,17 @@ impl Transects<'_> {
         let position = position::variance(position_sd_m, out.distance_m, &|displaced| {
             mean(&self.posterior(used, displaced).ln_rate)
         });
-        out.budget = budget(&[
+        let inside = [
             (Term::Turbulence, posterior.turbulence_variance),
             (Term::Dispersion, posterior.sigma_z_variance),
             (Term::Height, posterior.height_variance),
+        ];
+        let beside = [
             (Term::SourcePosition, position),
             (Term::WindSpeed, there.speed_ln_sd().powi(2)),
             (Term::Sensor, self.vertical.gain_ln_sd.powi(2)),
-        ]);
-        let extra_sd = there
-            .speed_ln_sd()
-            .hypot(self.vertical.gain_ln_sd)
-            .hypot(position.sqrt());
-        let rate = interval(posterior.ln_rate, extra_sd);
+        ];
+        let rate = out.state(posterior.ln_rate, &inside, &beside);
         let at = (out.distance_m, height_agl_m);
         out.one_class_off_kg_s = self.vertical.one_class_off(at, rate.value);
         out.notes.push(format!(
@@ -208,7 +206,6 @@ impl Transects<'_> {
             used.len(),
             heights(used)
         ));
-        out.kg_s = Some(rate);
         out
     }
 

@@ -1,5 +1,6 @@
 //! The units in which people state an emission rate.
 
+use air::isa::GAS_CONSTANT_J_MOL_K;
 use plume::Gas;
 
 /// Seconds of an hour and of a Julian year, which is that of annual inventories to 0.01 %.
@@ -9,8 +10,6 @@ const YEAR_S: f64 = 365.25 * 86_400.0;
 const STANDARD_K: f64 = 288.706;
 const STANDARD_PA: f64 = 101_325.0;
 const CUBIC_FOOT_M3: f64 = 0.028_316_85;
-/// Molar gas constant, J/(mol K) (CODATA 2018).
-const GAS_CONSTANT: f64 = 8.314_462_6;
 
 /// A unit of emission rates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -52,7 +51,7 @@ impl RateUnit {
             Self::TonnePerYear => 1e-3 * YEAR_S * kg_s,
             Self::Scfh => {
                 let mol_s = kg_s / gas.molar_mass_kg_mol();
-                HOUR_S * mol_s * GAS_CONSTANT * STANDARD_K / STANDARD_PA / CUBIC_FOOT_M3
+                HOUR_S * mol_s * GAS_CONSTANT_J_MOL_K * STANDARD_K / STANDARD_PA / CUBIC_FOOT_M3
             }
         }
     }

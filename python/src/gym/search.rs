@@ -10,6 +10,7 @@ use plume::{Place, Puffs, Sensor};
 use pyo3::PyResult;
 use rand::RngExt as _;
 use rand::rngs::ChaCha8Rng;
+use std::sync::Arc;
 use scenario::random::stream;
 
 /// Numbers of an observation.
@@ -53,7 +54,7 @@ pub(crate) enum Goal {
 /// What all searches of a fleet have in common.
 #[derive(Debug, Clone)]
 pub(crate) struct Rules {
-    pub(crate) aircraft: Aircraft,
+    pub(crate) aircraft: Arc<Aircraft>,
     pub(crate) agents: usize,
     /// Time between two actions, s.
     pub(crate) step_s: f64,

@@ -115,3 +115,21 @@ pub struct Sticks {
     /// Throttle, 0 to 1.
     pub throttle: f64,
 }
+
+impl Sticks {
+    /// The same within −1 to 1; what is not finite is 0.
+    pub(crate) fn limited(&self) -> Self {
+        let limited = |value: f64| {
+            if value.is_finite() {
+                value.clamp(-1.0, 1.0)
+            } else {
+                0.0
+            }
+        };
+        Self {
+            roll: limited(self.roll),
+            pitch: limited(self.pitch),
+            throttle: limited(self.throttle),
+        }
+    }
+}

@@ -4,6 +4,7 @@ use super::inner_loops::{pitch_integral_gain, roll_integral_gain};
 use super::plant::Plant;
 use super::sensed::Sensed;
 use crate::aircraft::{Aircraft, ControlGains};
+use std::sync::Arc;
 
 /// Surface angle that a loop takes off per rad of angle, rad/s of rate, and rad s of the angle's
 /// integral: command = −(angle φ + rate φ̇ + integral ∫φ dt).
@@ -16,7 +17,7 @@ pub(crate) struct InnerGains {
 
 /// Feedback of the roll and the pitch loop in level flight.
 pub(crate) fn inner_gains(
-    aircraft: &Aircraft,
+    aircraft: &Arc<Aircraft>,
     gains: &ControlGains,
     airspeed_m_s: f64,
     density_kg_m3: f64,

@@ -6,7 +6,6 @@ use air::STANDARD_GRAVITY_M_S2;
 use super::sensed::Sensed;
 use crate::aircraft::{Aircraft, PropellerLaw};
 use crate::dynamics::induced_drag_factor;
-use crate::shared::shared;
 use std::sync::Arc;
 
 /// Airspeed below which the loops' gains stop growing, as a share of the lowest flying speed.
@@ -56,7 +55,7 @@ pub(super) struct OperatingPoint {
 }
 
 impl Plant {
-    pub fn new(aircraft: &Aircraft) -> Self {
+    pub fn new(aircraft: &Arc<Aircraft>) -> Self {
         let (lift, pitch, limits) = (&aircraft.lift, &aircraft.pitch, &aircraft.limits);
         let low = aircraft.surfaces.min_deg.to_radians();
         let high = aircraft.surfaces.max_deg.to_radians();
@@ -71,7 +70,7 @@ impl Plant {
             elevator_high: high,
             aileron_high: high.min(-low),
             has_rudder: aircraft.has_rudder(),
-            aircraft: shared(aircraft),
+            aircraft: aircraft.clone(),
         }
     }
 

@@ -47,7 +47,12 @@ impl Sensed {
         }
     }
 
-    pub(crate) fn is_finite(&self) -> bool {
+    /// Whether it is finite, and the time step `dt_s` a positive number.
+    pub(crate) fn is_sound(&self, dt_s: f64) -> bool {
+        self.is_finite() && dt_s.is_finite() && dt_s > 0.0
+    }
+
+    fn is_finite(&self) -> bool {
         let scalars = [
             self.north_m,
             self.east_m,

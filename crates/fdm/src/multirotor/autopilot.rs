@@ -89,7 +89,7 @@ impl MultirotorAutopilot {
         sensed: &Sensed,
         demand: &Demand,
     ) -> Option<ThrustDemand> {
-        if !(sensed.is_finite() && dt_s.is_finite() && dt_s > 0.0) {
+        if !sensed.is_sound(dt_s) {
             return self.hover();
         }
         self.feel(dt_s, sim, sensed);
@@ -134,18 +134,12 @@ impl MultirotorAutopilot {
         sensed: &Sensed,
         sticks: &Sticks,
     ) -> Option<ThrustDemand> {
-        if !(sensed.is_finite() && dt_s.is_finite() && dt_s > 0.0) {
+        if !sensed.is_sound(dt_s) {
             return self.hover();
         }
         self.feel(dt_s, sim, sensed);
-        let share = |value: f64| {
-            if value.is_finite() {
-                value.clamp(-1.0, 1.0)
-            } else {
-                0.0
-            }
-        };
-        let stick = share(sticks.throttle) - 0.5;
+        let sticks = sticks.limited();
+        let stick = sticks.throttle - 0.5;
         let wants_up = stick > STICK_DEADBAND;
         self.reference = None;
         self.demand = None;
@@ -178,11 +172,11 @@ impl MultirotorAutopilot {
             (GRAVITY - down).clamp(VERTICAL_THRUST.0 * GRAVITY, VERTICAL_THRUST.1 * GRAVITY);
         let most = limits.tilt_max_deg.to_radians();
         // A nose that is up flies backwards.
-        let forward = -upward * (share(sticks.pitch) * most).tan();
-        let right = upward * (share(sticks.roll) * most).tan();
+        let forward = -upward * (sticks.pitch * most).tan();
+        let right = upward * (sticks.roll * most).tan();
         let (sin, cos) = self.yaw_rad.sin_cos();
-        self.status.bank_command_rad = share(sticks.roll) * most;
-        self.status.pitch_command_rad = share(sticks.pitch) * most;
+        self.status.bank_command_rad = sticks.roll * most;
+        self.status.pitch_command_rad = sticks.pitch * most;
         Some(ThrustDemand {
             specific_force_ned_m_s2: [
                 forward * cos - right * sin,

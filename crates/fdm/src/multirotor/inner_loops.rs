@@ -106,8 +106,7 @@ fn rate_demand(
         }
     }
     let yaw_now = m[1][0].atan2(m[0][0]);
-    let off = (yaw_rad - yaw_now + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU)
-        - std::f64::consts::PI;
+    let off = air::geo::wrap_signed_rad(yaw_rad - yaw_now);
     [
         (gains.tilt_rad_s * turn[0]).clamp(-TILT_RATE_RAD_S, TILT_RATE_RAD_S),
         (gains.tilt_rad_s * turn[1]).clamp(-TILT_RATE_RAD_S, TILT_RATE_RAD_S),

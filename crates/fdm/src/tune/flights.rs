@@ -1,6 +1,7 @@
 //! The flights on which gains are judged.
 
 use air::dryden::{Dryden, Turbulence};
+use air::geo::wrap_signed_rad;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use serde::Serialize;
@@ -11,6 +12,7 @@ use crate::autopilot::{Autopilot, Demand, Path, Sensed};
 use crate::error::FdmError;
 use crate::flight::FlightSim;
 use crate::state::{AirAround, FlightState};
+use std::sync::Arc;
 
 /// Time between two changes of demand, s.
 const STAGE_S: f64 = 18.0;
@@ -70,7 +72,7 @@ pub(super) fn cost(flights: &[Evaluation]) -> f64 {
 
 /// Flies the programme in every weather.
 pub(super) fn fly_all(
-    aircraft: &Aircraft,
+    aircraft: &Arc<Aircraft>,
     gains: &ControlGains,
     weather: &[WeatherCase],
 ) -> Result<Vec<Evaluation>, FdmError> {
@@ -121,7 +123,7 @@ pub(super) fn course_rad(state: &FlightState) -> f64 {
 }
 
 fn fly(
-    aircraft: &Aircraft,
+    aircraft: &Arc<Aircraft>,
     gains: &ControlGains,
     weather: &WeatherCase,
 ) -> Result<Evaluation, FdmError> {
@@ -187,7 +189,9 @@ impl ErrorSums {
         self.count_in(0, now.alt_amsl_m - demand.alt_amsl_m);
         self.count_in(1, now.airspeed_m_s - demand.airspeed_m_s);
         match demand.path {
-            Path::Course { deg } => self.count_in(2, wrapped(course_rad(now) - deg.to_radians())),
+            Path::Course { deg } => {
+                self.count_in(2, wrap_signed_rad(course_rad(now) - deg.to_radians()))
+            }
             Path::Orbit { radius_m, .. } => {
                 self.count_in(3, distance_m(now, &demand.path) - radius_m)
             }
@@ -232,21 +236,21 @@ pub(super) fn distance_m(state: &FlightState, path: &Path) -> f64 {
     }
 }
 
-pub(super) fn wrapped(angle: f64) -> f64 {
-    let turn = std::f64::consts::TAU;
-    (angle + 0.5 * turn).rem_euclid(turn) - 0.5 * turn
-}
-
 /// The aircraft in cruise, with an autopilot that counts with its base.
 pub(super) fn begin(
-    aircraft: &Aircraft,
+    aircraft: &Arc<Aircraft>,
     gains: &ControlGains,
 ) -> Result<(FlightSim, Autopilot), FdmError> {
     let cruise = aircraft.limits.airspeed_cruise_m_s;
     let sim = FlightSim::airborne(aircraft, 0.0, 0.0, START_AMSL_M, 0.0, cruise)?;
-    let mut base = aircraft.clone();
-    base.control = *gains;
-    Ok((sim, Autopilot::new(&base)))
+    Ok((sim, Autopilot::new(&with_gains(aircraft, gains))))
+}
+
+/// The aircraft with these gains in place of its own.
+pub(super) fn with_gains(aircraft: &Aircraft, gains: &ControlGains) -> Arc<Aircraft> {
+    let mut aircraft = aircraft.clone();
+    aircraft.control = *gains;
+    Arc::new(aircraft)
 }
 
 /// One tick of the controller and the aircraft.

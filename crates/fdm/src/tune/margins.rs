@@ -12,6 +12,7 @@ use crate::dynamics::Dynamics;
 use crate::error::FdmError;
 use crate::extended::ExtendedAircraft;
 use crate::trim;
+use std::sync::Arc;
 
 const FREQUENCIES: usize = 600;
 /// Points of a frequency response that are kept.
@@ -66,7 +67,7 @@ impl Required {
 
 /// Margins of the roll and pitch loop at an airspeed.
 pub(super) fn inner_loops(
-    aircraft: &Aircraft,
+    aircraft: &Arc<Aircraft>,
     gains: &ControlGains,
     airspeed_m_s: f64,
 ) -> Result<[LoopMargin; 2], FdmError> {
@@ -94,7 +95,7 @@ pub(super) fn inner_loops(
 
 /// Loop transfer function at jω: controller × delay × servo × airframe.
 fn open_loop(
-    aircraft: &Aircraft,
+    aircraft: &Arc<Aircraft>,
     (a, b, rate, angle): &(DMatrix<f64>, DMatrix<f64>, usize, usize),
     feedback: &InnerGains,
     frequency: f64,
@@ -118,7 +119,7 @@ fn open_loop(
 fn margin(
     name: &str,
     airspeed_m_s: f64,
-    aircraft: &Aircraft,
+    aircraft: &Arc<Aircraft>,
     plant: &(DMatrix<f64>, DMatrix<f64>, usize, usize),
     feedback: &InnerGains,
 ) -> LoopMargin {

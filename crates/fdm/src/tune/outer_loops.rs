@@ -13,6 +13,7 @@ use crate::aircraft::{Aircraft, ControlGains};
 use crate::autopilot::{Demand, Path};
 use crate::error::FdmError;
 use crate::state::{AirAround, FlightState};
+use std::sync::Arc;
 
 /// Frequencies a loop.
 const FREQUENCIES: usize = 16;
@@ -63,7 +64,7 @@ const LOOPS: [OuterLoop; 3] = [
 
 /// Margins of the heading, height and airspeed loop at cruise in calm air.
 pub(super) fn margins(
-    aircraft: &Aircraft,
+    aircraft: &Arc<Aircraft>,
     gains: &ControlGains,
 ) -> Result<Vec<LoopMargin>, FdmError> {
     let cruise = aircraft.limits.airspeed_cruise_m_s;
@@ -80,7 +81,7 @@ pub(super) fn margins(
 
 /// The open-loop response near a frequency: at one whose period is a whole number of ticks.
 fn respond(
-    aircraft: &Aircraft,
+    aircraft: &Arc<Aircraft>,
     gains: &ControlGains,
     outer: &OuterLoop,
     near_rad_s: f64,
@@ -128,6 +129,7 @@ mod tests {
         let mut aircraft =
             Aircraft::from_toml("x8", include_str!("../../../../aircraft/x8.toml")).unwrap();
         aircraft.control.heading_bandwidth_rad_s = 0.2;
+        let aircraft = Arc::new(aircraft);
         let margins = margins(&aircraft, &aircraft.control).unwrap();
         let heading = &margins[0];
         assert!(

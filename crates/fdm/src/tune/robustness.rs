@@ -6,6 +6,7 @@ use super::{Required, WeatherCase, flights, margins};
 use crate::aircraft::{Aircraft, ControlGains};
 use crate::error::FdmError;
 use crate::mechanism::Mechanism;
+use std::sync::Arc;
 
 /// A change of the aircraft, and how a set of gains fares with it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -60,7 +61,7 @@ const CHANGES: [(&str, &str, &[f64]); 11] = [
 ];
 
 /// The aircraft with each change on top of its own mechanisms.
-fn changed(aircraft: &Aircraft) -> Result<Vec<(&'static str, Aircraft)>, FdmError> {
+fn changed(aircraft: &Arc<Aircraft>) -> Result<Vec<(&'static str, Arc<Aircraft>)>, FdmError> {
     CHANGES
         .iter()
         .map(|(change, id, values)| {
@@ -70,16 +71,16 @@ fn changed(aircraft: &Aircraft) -> Result<Vec<(&'static str, Aircraft)>, FdmErro
                 _ => 1.0,
             };
             let values: Vec<f64> = values.iter().map(|value| value * unit).collect();
-            let mut other = aircraft.clone();
+            let mut other = Aircraft::clone(aircraft);
             other.mechanism.push(Mechanism::with_values(id, &values)?);
-            Ok((*change, other))
+            Ok((*change, Arc::new(other)))
         })
         .collect()
 }
 
 /// Flies the gains with every change.
 pub(super) fn judged(
-    aircraft: &Aircraft,
+    aircraft: &Arc<Aircraft>,
     gains: &ControlGains,
     weather: &[WeatherCase],
 ) -> Result<Vec<RobustnessCase>, FdmError> {
@@ -103,7 +104,7 @@ pub(super) fn judged(
 }
 
 /// The least margins of the inner loops at cruise; negative infinity where there is no trim.
-fn least_margins(aircraft: &Aircraft, gains: &ControlGains) -> Required {
+fn least_margins(aircraft: &Arc<Aircraft>, gains: &ControlGains) -> Required {
     let cruise = aircraft.limits.airspeed_cruise_m_s;
     let none = Required {
         gain_db: f64::NEG_INFINITY,
@@ -120,7 +121,7 @@ fn least_margins(aircraft: &Aircraft, gains: &ControlGains) -> Required {
 pub(super) fn as_robust_as(
     like: &[RobustnessCase],
     required: &Required,
-    aircraft: &Aircraft,
+    aircraft: &Arc<Aircraft>,
     gains: &ControlGains,
     weather: &[WeatherCase],
 ) -> Result<bool, FdmError> {

@@ -2,12 +2,13 @@
 
 use serde::Serialize;
 
-use super::flights::{START_AMSL_M, TICK_S, begin, course_rad, distance_m, tick_of};
+use super::flights::{START_AMSL_M, TICK_S, begin, course_rad, distance_m, tick_of, with_gains};
 use crate::aircraft::{Aircraft, ControlGains};
 use crate::autopilot::{Autopilot, Demand, Path, Sensed, Sticks};
 use crate::error::FdmError;
 use crate::flight::FlightSim;
 use crate::state::{AirAround, FlightState};
+use std::sync::Arc;
 
 /// Time to settle before the step, s.
 const BEFORE_S: f64 = 30.0;
@@ -151,12 +152,11 @@ fn steps(aircraft: &Aircraft) -> [DemandStep; 4] {
 /// Steps of bank, course, height, airspeed and orbit radius; course and orbit in 5 m/s of wind,
 /// the others in calm air.
 pub(super) fn responses(
-    aircraft: &Aircraft,
+    aircraft: &Arc<Aircraft>,
     gains: &ControlGains,
 ) -> Result<Vec<StepResponse>, FdmError> {
     let mut out = vec![roll(aircraft, gains)?];
-    let mut tuned = aircraft.clone();
-    tuned.control = *gains;
+    let tuned = with_gains(aircraft, gains);
     for step in steps(&tuned) {
         let (mut sim, mut pilot) = begin(&tuned, gains)?;
         let air = AirAround {
@@ -189,7 +189,7 @@ fn ticks(time_s: f64) -> u32 {
 }
 
 /// The inner loops alone: a stick that asks for a bank.
-fn roll(aircraft: &Aircraft, gains: &ControlGains) -> Result<StepResponse, FdmError> {
+fn roll(aircraft: &Arc<Aircraft>, gains: &ControlGains) -> Result<StepResponse, FdmError> {
     let (mut sim, mut pilot) = begin(aircraft, gains)?;
     let trim = sim.state();
     let sticks = Sticks {

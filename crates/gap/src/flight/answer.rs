@@ -9,19 +9,18 @@ use super::evidence::{Kind, Model, sum};
 use super::normal::Block;
 use super::parameters::Effect;
 use super::study::{Linear, Study};
+use crate::statistics::probabilities;
 use crate::verdict::{
-    BaseParameter, Cause, Detectable, Evidence, Parameter, Ranked, Unexplained, UnexplainedKind,
-    Verdict,
+    BaseParameter, Cause, DETECTABLE_NATS, Detectable, Evidence, Parameter, Ranked, Unexplained,
+    UnexplainedKind, Verdict,
 };
 
-/// Probability of so large a score by chance, over all candidates, that a cause may have.
-const LARGEST_P: f64 = 0.01;
-/// Share of the weight of all rivals below which one is not in a set.
-const LEAST_SHARE: f64 = 0.01;
-/// Part of the strongest block's gain by which its neighbours gain where a nameless term lives.
-const NEIGHBOUR_PART: f64 = 0.2;
-/// Nats at which an effect is seen almost surely.
-const VISIBLE_NATS: f64 = 20.0;
+/// Probability below which an explanation is rejected, 99 to 1 as in [`infer::Policy::rest_nats`]: chance as that of a score,
+/// over all candidates and onsets, and one rival among those for the same place.
+const REJECTED_P: f64 = 0.01;
+/// Part of the strongest block's gain from which on a nameless term lives in a block. Gain grows with the square of the
+/// term's size, so this is the width at half of its largest size.
+const HALF_SIZE_GAIN: f64 = 0.25;
 /// Times so far apart are different onsets, s: nearer ones the readings tell apart only by the answer of speed and attitude, which
 /// takes about as long.
 const ONSETS_APART_S: f64 = 2.0;
@@ -71,7 +70,7 @@ pub fn judge(study: &Study<'_>, last: &Linear) -> Answer {
             delta_log_evidence: best.log_evidence - without.log_evidence,
             p_value: p_value(gain, columns, study.candidates.len() * times),
         };
-        if evidence.p_value > LARGEST_P {
+        if evidence.p_value > REJECTED_P {
             continue;
         }
         set.push(item);
@@ -126,7 +125,7 @@ fn cause(study: &Study<'_>, last: &Linear, evidence: Evidence, rivals: &[(usize,
     let mut probability = 0.0;
     let mut mechanisms: Vec<String> = Vec::new();
     for &(k, value) in rivals.iter().filter(|r| study.candidates[r.0].is_named()) {
-        if probability >= named || weight(value) / total < LEAST_SHARE {
+        if probability >= named || weight(value) / total < REJECTED_P {
             break;
         }
         probability += weight(value) / total;
@@ -155,16 +154,16 @@ fn ranking(study: &Study<'_>, last: &Linear) -> Vec<Ranked> {
     let alone = |k: usize| last.word.model(&study.candidates, vec![k], 0.0);
     let mut fits: Vec<Model> = (0..study.candidates.len()).map(alone).collect();
     fits.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
-    let top = fits[0].log_evidence;
-    let total: f64 = fits.iter().map(|f| (f.log_evidence - top).exp()).sum();
-    let ranked = |f: &Model| Ranked {
+    let evidences: Vec<f64> = fits.iter().map(|f| f.log_evidence).collect();
+    let ranked = |(f, probability): (&Model, f64)| Ranked {
         mechanisms: vec![study.candidates[f.set[0]].name.clone()],
         platform: None,
         delta_log_score: f.log_score,
         log_evidence: f.log_evidence,
-        probability: (f.log_evidence - top).exp() / total,
+        probability,
     };
-    fits.iter().map(ranked).collect()
+    let each = fits.iter().zip(probabilities(&evidences));
+    each.map(ranked).collect()
 }
 
 /// Where a nameless term lives: the block in which it gains most, with its neighbours that gain.
@@ -183,7 +182,7 @@ fn nameless(
     let gains: Vec<f64> = last.blocks.iter().map(gain).collect();
     let most = gains.iter().copied().fold(f64::MIN, f64::max);
     let strongest = gains.iter().position(|g| *g == most).unwrap_or(0);
-    let gains_too = |k: &usize| gains[*k] > NEIGHBOUR_PART * most;
+    let gains_too = |k: &usize| gains[*k] > HALF_SIZE_GAIN * most;
     let from = (0..strongest).rev().take_while(gains_too).last();
     let to = (strongest + 1..gains.len()).take_while(gains_too).last();
     let (from, to) = (from.unwrap_or(strongest), to.unwrap_or(strongest));
@@ -269,7 +268,7 @@ pub fn detectable(study: &Study<'_>, last: &Linear) -> Vec<Detectable> {
             (information > 0.0).then(|| Detectable {
                 mechanism: CATALOGUE[m].id.to_owned(),
                 parameter: CATALOGUE[m].parameters[k].name.to_owned(),
-                value: (2.0 * VISIBLE_NATS / information).sqrt(),
+                value: (2.0 * DETECTABLE_NATS / information).sqrt(),
                 unit: p.unit.to_owned(),
             })
         })

@@ -222,16 +222,8 @@ fn words_of(m: &Moment, delay: f64) -> String {
         100.0 * m.held_out_share,
         100.0 * m.held_out_r2
     );
-    let surface = if m.axis == "roll" {
-        "aileron"
-    } else {
-        m.derivatives[m.derivatives.len() - 1]
-    };
-    let control = m
-        .derivatives
-        .iter()
-        .position(|d| *d == surface)
-        .unwrap_or(0);
+    // The surface that turns about the axis is the last of the derivatives, but for roll the last but one.
+    let control = m.derivatives.len() - if m.axis == "roll" { 2 } else { 1 };
     let ratio = m.refitted[control] / m.published[control];
     if (ratio - 1.0).abs() > 0.15 {
         text += &format!(

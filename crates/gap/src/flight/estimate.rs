@@ -9,6 +9,8 @@
 //! standard deviations are widened by that factor, and what the one predicts of the other is the error that the
 //! aircraft has on a flight that it has not seen.
 
+use std::sync::Arc;
+
 use fdm::Aircraft;
 use serde::Serialize;
 
@@ -149,7 +151,7 @@ pub fn estimate(
         motion,
         data_quality: gated.data_quality.clone(),
         notices: gated.notices.clone(),
-        aircraft: found,
+        aircraft: Arc::unwrap_or_clone(found),
     })
 }
 

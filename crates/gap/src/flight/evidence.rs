@@ -6,6 +6,7 @@ use std::collections::BTreeSet;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use super::normal::Block;
+use crate::statistics::median;
 
 /// Part of the strongest single cause's gain that each further cause is charged: no law is exact,
 /// and what a strong cause leaves by that is not a cause of its own.
@@ -14,8 +15,6 @@ const FURTHER_PART: f64 = 0.2;
 const BEAM: usize = 12;
 /// Largest set.
 const LARGEST_SET: usize = 7;
-/// Nats beyond the charge by which the best set of a size may be worse than the best while larger ones are tried.
-const WORSE_NATS: f64 = 6.0;
 
 /// What a candidate is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -179,14 +178,8 @@ impl Word {
                 .map(|set| self.model(candidates, set, charge))
                 .collect();
             front.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
-            let best = all.iter().map(|m| m.log_posterior).fold(f64::MIN, f64::max);
-            let Some(next) = front.first() else { break };
-            let still = next.log_posterior > best - WORSE_NATS - charge;
             all.extend(front.iter().cloned());
             front.truncate(BEAM);
-            if !still {
-                break;
-            }
         }
         all.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
         all
@@ -242,7 +235,7 @@ pub fn dispersion(
         let information: f64 = blocks.iter().map(|block| block.a[(k, k)]).sum();
         (information > 0.0).then(|| squares * n / (n - 1.0) / information)
     };
-    super::gate::median(columns.filter_map(ratio).collect()).max(1.0)
+    median(columns.filter_map(ratio).collect()).map_or(1.0, |m| m.max(1.0))
 }
 
 /// What of a dispersion over so many blocks is more than chance may add to 1.

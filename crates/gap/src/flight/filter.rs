@@ -6,10 +6,11 @@
 //! score of a true parameter has mean zero; angles and speeds enter as predicted, never as
 //! measured, so noise in them does not bias a slope.
 
-use super::channel::{CHANNELS, at};
-use super::gate::Segment;
+use air::geo::wrap_signed_rad;
 use fdm::dynamics::{Controls, euler, rotation};
 
+use super::channel::{CHANNELS, at};
+use super::gate::Segment;
 use super::gradient::SLOWEST_M_S;
 use super::motion::{
     Around, FORCE, Felt, GUST, LEAN, Mean, PUSHED, SMOOTHED_LATERAL, SPIN, STATES, World,
@@ -188,11 +189,6 @@ pub fn huber(nu: f64) -> (f64, f64) {
     }
 }
 
-fn wrapped(angle: f64) -> f64 {
-    use std::f64::consts::{PI, TAU};
-    (angle + PI).rem_euclid(TAU) - PI
-}
-
 impl Filter<'_> {
     /// Takes the readings of a sample.
     fn update(&mut self, seen: &Seen<'_>) -> Vec<Taken> {
@@ -202,7 +198,11 @@ impl Filter<'_> {
         for c in 0..CHANNELS {
             let away = self.segment.measured[seen.i][c] - expected[c];
             if !away.is_nan() {
-                let away = if is_angle(c) { wrapped(away) } else { away };
+                let away = if is_angle(c) {
+                    wrap_signed_rad(away)
+                } else {
+                    away
+                };
                 all.push(self.take(c, &h[c], away, &mut d));
             }
         }

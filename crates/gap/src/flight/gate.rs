@@ -2,6 +2,7 @@
 //! unit. What does not pass is masked, and said.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use air::isa::Atmosphere;
 use fdm::dynamics::Dynamics;
@@ -11,6 +12,7 @@ use super::channel::{ALL, CHANNELS, Channel};
 use super::log::FlightLog;
 use super::suspect;
 use crate::GapError;
+use crate::statistics::median;
 use crate::verdict::{DataQuality, Flaw};
 
 /// Part of the slowest airspeed above which the aircraft counts as flying.
@@ -228,7 +230,8 @@ fn enough_flown(logs: &[FlightLog], aircraft: &Aircraft, gated: &Gated) -> Resul
 
 /// Usual time between rows, s.
 fn interval_s(log: &FlightLog) -> f64 {
-    median(log.time_s().windows(2).map(|w| w[1] - w[0]).collect())
+    let steps = log.time_s().windows(2).map(|w| w[1] - w[0]);
+    median(steps.collect()).unwrap_or(f64::NAN)
 }
 
 /// The parts of a log that fly, with what may be used of them.
@@ -256,18 +259,20 @@ fn segments(index: usize, log: &FlightLog, aircraft: &Aircraft, gated: &mut Gate
     let command = commands(log, aircraft, gated);
     let wind = logged_wind(log);
     gated.has_wind &= wind.is_some();
-    let density = density(log);
-    let segment = |&(from, to): &(usize, usize)| Segment {
+    let whole = Segment {
         log: index,
-        time_s: log.time_s()[from..to].to_vec(),
-        measured: (from..to)
+        time_s: log.time_s().to_vec(),
+        measured: (0..log.len())
             .map(|i| std::array::from_fn(|k| channels[k][i]))
             .collect(),
-        command: command[from..to].to_vec(),
-        density: density[from..to].to_vec(),
-        wind_ned: wind.as_ref().map(|w| w[from..to].to_vec()),
+        command,
+        density: density(log),
+        wind_ned: wind,
     };
-    parts.iter().map(segment).collect()
+    parts
+        .iter()
+        .map(|&(from, to)| whole.cut(from..to))
+        .collect()
 }
 
 /// Reports a flaw of some rows.
@@ -439,8 +444,8 @@ impl Check<'_> {
         // Against the usual change from row to row, and against the usual noise: a fast and
         // quiet sensor has no outliers in a sharp turn.
         let changes = self.rows(1, 0).map(|i| (values[i] - values[i - 1]).abs());
-        let scale =
-            (1.5 * median(changes.filter(|d| *d > 0.0).collect())).max(self.channel.usual_noise);
+        let usual = median(changes.filter(|d| *d > 0.0).collect());
+        let scale = usual.map_or(0.0, |d| 1.5 * d).max(self.channel.usual_noise);
         let far: Vec<usize> = self
             .rows(1, 1)
             .filter(|&i| off(i) > OUTLIER * scale)
@@ -499,8 +504,8 @@ fn commands(log: &FlightLog, aircraft: &Aircraft, gated: &mut Gated) -> Vec<Surf
         ));
     }
     let cruise = aircraft.limits.airspeed_cruise_m_s;
-    let level =
-        fdm::trim::level(&Dynamics::new(aircraft), cruise, 1.225).map_or(0.5, |t| t.throttle);
+    let level = fdm::trim::level(&Dynamics::new(&Arc::new(aircraft.clone())), cruise, 1.225)
+        .map_or(0.5, |t| t.throttle);
     let command = |i: usize| SurfaceCommand {
         elevator_rad: elevator[i].to_radians(),
         aileron_rad: (0.5 * (left[i] - right[i])).to_radians(),
@@ -532,11 +537,4 @@ fn logged_wind(log: &FlightLog) -> Option<Vec<[f64; 3]>> {
         last
     };
     Some(speed.iter().zip(from).map(&mut towards).collect())
-}
-
-/// The middle value; NaN of none.
-pub fn median(mut values: Vec<f64>) -> f64 {
-    values.retain(|v| !v.is_nan());
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }

@@ -1,5 +1,6 @@
 //! Measured against simulated time histories, channel by channel.
 
+use air::geo::wrap_signed_deg;
 use serde::Serialize;
 
 use super::channel::{ALL, CHANNELS, at};
@@ -96,7 +97,7 @@ pub fn histories(study: &Study<'_>, noise: &Noise, theta: [&[f64]; 2]) -> Vec<Hi
                     .chain(&mut extended)
                     .zip(measured.iter().cycle())
                 {
-                    let near = m + (*value - m + 180.0).rem_euclid(360.0) - 180.0;
+                    let near = m + wrap_signed_deg(*value - m);
                     *value = if m.is_finite() { near } else { *value };
                 }
             }

@@ -41,20 +41,8 @@ const MANOEUVRES: [(&[&str], &str); 6] = [
 /// The card for the first cause that is a set.
 pub fn propose(answer: &Answer) -> Option<NextFlight> {
     let cause = answer.causes.iter().find(|c| c.mechanisms.len() > 1)?;
-    let hits = |ids: &[&str]| {
-        cause
-            .mechanisms
-            .iter()
-            .filter(|m| ids.contains(&m.as_str()))
-            .count()
-    };
+    let rivals = &cause.mechanisms;
+    let hits = |ids: &[&str]| rivals.iter().filter(|m| ids.contains(&m.as_str())).count();
     let best = MANOEUVRES.iter().max_by_key(|(ids, _)| hits(ids))?;
-    Some(NextFlight {
-        separates: cause.mechanisms.clone(),
-        platform: None,
-        description: best.1.to_owned(),
-        waypoints: Vec::new(),
-        expected_nats: f64::NAN,
-        settles_probability: f64::NAN,
-    })
+    Some(NextFlight::in_words(rivals, best.1))
 }

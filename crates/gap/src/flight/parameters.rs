@@ -2,9 +2,10 @@
 //! catalogue, and tolerances of everything else, since nothing real is exactly as published.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use fdm::Aircraft;
-use fdm::extended::{ExtendedAircraft, SensorErrors};
+use fdm::extended::ExtendedAircraft;
 use fdm::mechanism::{ActsOn, CATALOGUE};
 
 use super::channel::at;
@@ -264,7 +265,6 @@ pub fn applied(
     log: usize,
 ) -> Applied {
     let mut base = aircraft.clone();
-    base.mechanism.clear();
     let (mut wind, mut gust_shares) = ([0.0; 2], [USUAL_SHARE; 2]);
     let mut changed: BTreeMap<usize, [f64; 3]> = BTreeMap::new();
     for (parameter, value) in parameters.iter().zip(theta) {
@@ -281,11 +281,7 @@ pub fn applied(
             Effect::Wind(..) | Effect::Mechanism(..) => {}
         }
     }
-    let mut extended = ExtendedAircraft {
-        aircraft: base,
-        sensors: SensorErrors::default(),
-        wind_bias_ned_m_s: [0.0; 3],
-    };
+    let mut extended = ExtendedAircraft::without_mechanisms(&Arc::new(base));
     for (m, values) in changed {
         extended.apply(CATALOGUE[m].id, values);
     }

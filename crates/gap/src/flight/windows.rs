@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use super::channel::ALL;
 use super::histories::{History, WINDOW_S};
+use crate::statistics::median;
 
 /// Least part of a window's rows that must have been read.
 const READ_PART: f64 = 0.2;
@@ -72,14 +73,14 @@ pub fn errors(histories: &[History]) -> Vec<MotionError> {
     ALL.iter()
         .filter_map(|channel| {
             let windows = of_channel(channel.label);
-            let middle = |k: usize| super::gate::median(windows.iter().map(|w| w[k]).collect());
-            (!windows.is_empty()).then(|| MotionError {
+            let middle = |k: usize| median(windows.iter().map(|w| w[k]).collect());
+            Some(MotionError {
                 label: channel.label,
                 unit: channel.unit,
                 window_s: WINDOW_S,
                 windows: windows.len(),
-                before: middle(0),
-                after: middle(1),
+                before: middle(0)?,
+                after: middle(1)?,
                 better_in: windows.iter().filter(|w| w[1] < w[0]).count(),
             })
         })

@@ -2,12 +2,13 @@
 //! so that vertical and lateral causes can be told apart; and the vertical spread at towers.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::f64::consts::{PI, TAU};
 
+use air::geo::wrap_signed_rad;
 use formats::list::listed;
 use plume::stability::Stability;
 
 use super::table::{Receptor, Tables, Trial};
+use crate::statistics::median;
 use crate::verdict::{DataQuality, Flaw};
 
 /// A trial's release and weather.
@@ -284,7 +285,7 @@ fn class_position(obukhov_length_m: f64, roughness_m: f64) -> f64 {
 fn middle_factor(rows: &[&Receptor]) -> f64 {
     let factors = rows.iter().filter_map(|r| r.evaporation_factor);
     let plausible = factors.filter(|f| *f >= LEAST_CORRECTION);
-    super::median(plausible.collect()).unwrap_or(1.0)
+    median(plausible.collect()).unwrap_or(1.0)
 }
 
 /// Samplers with a reading, by distance; `usual` is the factor of those without a plausible one.
@@ -382,8 +383,10 @@ fn arc(points: &[Point]) -> Option<Arc> {
     let distance_m = mean(points, |p| p.x_m);
     // Azimuths about the plume's own direction, so that an arc may cross north.
     let middle = mean_azimuth(points.iter().map(|p| (p.azimuth_rad, p.mg_m3)));
-    let wrap = |a: f64| (a + 3.0 * PI).rem_euclid(TAU) - PI;
-    let place = |p: &Point| (distance_m * wrap(p.azimuth_rad - middle), p.mg_m3);
+    let place = |p: &Point| {
+        let across_m = distance_m * wrap_signed_rad(p.azimuth_rad - middle);
+        (across_m, p.mg_m3)
+    };
     let mut across: Vec<(f64, f64)> = points.iter().map(place).collect();
     across.sort_by(|a, b| a.0.total_cmp(&b.0));
     let max_mg_m3 = across.iter().map(|p| p.1).fold(0.0, f64::max);

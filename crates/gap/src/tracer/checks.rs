@@ -1,12 +1,13 @@
 //! What looks wrong with the tables as a whole before anything is fitted: amounts that are off
 //! by a factor, and plumes that lie elsewhere than the wind blows.
 
+use air::geo::wrap_signed_deg;
 use formats::number::significant;
 
 use super::arcs::{self, TrialArcs, flaw, mean_azimuth};
-use super::median;
 use super::predicted::{ArcDetail, Models, arc};
 use super::table::Tables;
+use crate::statistics::median;
 use crate::verdict::{DataQuality, Flaw};
 
 /// Measured over predicted, in the middle of all arcs, that no spread explains: Briggs' curves
@@ -77,9 +78,9 @@ fn amounts(trials: &[TrialArcs]) -> Option<String> {
     ))
 }
 
-/// Difference of two directions, degrees, -180 to 180.
-fn turn_deg(from: f64, to: f64) -> f64 {
-    (to - from + 540.0).rem_euclid(360.0) - 180.0
+/// Angle between two directions, degrees.
+fn between_deg(a: f64, b: f64) -> f64 {
+    wrap_signed_deg(b - a).abs()
 }
 
 fn direction(trials: &[TrialArcs]) -> Option<String> {
@@ -93,14 +94,13 @@ fn direction(trials: &[TrialArcs]) -> Option<String> {
     let most = |agree: &dyn Fn(&(f64, f64)) -> bool| {
         2 * pairs.iter().filter(|p| agree(p)).count() > pairs.len()
     };
-    if !most(&|(towards, lies)| turn_deg(*towards, *lies).abs() > ASIDE_DEG) {
+    if !most(&|(towards, lies)| between_deg(*towards, *lies) > ASIDE_DEG) {
         return None;
     }
-    let guess = if most(&|(towards, lies)| turn_deg(towards + 180.0, *lies).abs() < ASIDE_DEG / 2.0)
-    {
+    let guess = if most(&|(towards, lies)| between_deg(towards + 180.0, *lies) < ASIDE_DEG / 2.0) {
         "wind_from_deg looks like the direction towards which the wind blows, or east_m and north_m \
          have the wrong sign"
-    } else if most(&|(towards, lies)| turn_deg(*towards, 90.0 - lies).abs() < ASIDE_DEG / 2.0) {
+    } else if most(&|(towards, lies)| between_deg(*towards, 90.0 - lies) < ASIDE_DEG / 2.0) {
         "east_m and north_m look swapped"
     } else {
         "check wind_from_deg, east_m and north_m"

@@ -3,11 +3,12 @@
 
 use plume::stability::Stability;
 
+use super::Answer;
 use super::arcs::Weather;
 use super::findings::Finding;
 use super::fit::Scored;
 use super::model::{DEPOSITION, EMISSION, Y_SCALE, Z_GROWTH, Z_SCALE};
-use super::{Answer, median};
+use crate::statistics::median;
 
 /// Changes that a scenario can run, over Briggs' curves and its own wind.
 const RUNNABLE: [&str; 5] = [Z_SCALE, Z_GROWTH, Y_SCALE, DEPOSITION, EMISSION];

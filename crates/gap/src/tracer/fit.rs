@@ -14,6 +14,7 @@ use std::f64::consts::PI;
 use super::arcs::TrialArcs;
 use super::model::{Datum, Model, Numbers, PRIOR_SD, Quantity, WORDS, is_positive, written};
 use super::predicted::Weighted;
+use crate::statistics::{jackknife_se, probabilities};
 use crate::verdict::Parameter;
 
 /// Standard deviations of the errors of each arc, of a trial's level, and of its growth for a factor of e in distance.
@@ -277,13 +278,6 @@ fn solve(trials: &[Linear<'_>], start: &DVector<f64>, sizes: &Sizes) -> Option<S
     last.map(|(precision, log_score)| (theta, precision, log_score))
 }
 
-/// Probabilities in proportion to the exponentials.
-fn probabilities(logs: &[f64]) -> Vec<f64> {
-    let top = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let sum: f64 = logs.iter().map(|l| (l - top).exp()).sum();
-    logs.iter().map(|l| (l - top).exp() / sum).collect()
-}
-
 /// The models fitted without a trial, with their probabilities without it.
 pub fn without(scored: &[Scored], i: usize) -> Vec<Weighted> {
     let evidences: Vec<f64> = scored.iter().map(|s| s.without[i].log_evidence).collect();
@@ -302,17 +296,9 @@ pub fn difference(better: &[f64], worse: &[f64]) -> (f64, f64) {
     (sum, (spread * n / (n - 1.0).max(1.0)).sqrt())
 }
 
-/// Standard deviation of an estimate from the estimates without each of n trials.
-fn jackknife_sd(each: &[f64]) -> f64 {
-    let n = each.len() as f64;
-    let mean = each.iter().sum::<f64>() / n;
-    let sum: f64 = each.iter().map(|e| (e - mean).powi(2)).sum();
-    (sum * (n - 1.0) / n).sqrt()
-}
-
 impl Scored {
     /// Numbers in the catalogue's words. The standard deviation is that of the fit or, where it is larger, the
-    /// jackknife's over trials (Efron 1982), which asks nothing of the errors but that trials are independent.
+    /// jackknife's over trials, which asks nothing of the errors but that trials are independent.
     pub fn parameters(&self) -> Vec<Parameter> {
         let (fit, free) = (&self.fit, &self.model.free);
         let moved = |k: usize, sds: f64| {
@@ -338,7 +324,7 @@ impl Scored {
                 value: written(&fit.numbers)[p].max(least),
                 sd: variance
                     .sqrt()
-                    .max(jackknife_sd(&without.collect::<Vec<f64>>())),
+                    .max(jackknife_se(&without.collect::<Vec<f64>>())),
                 unit,
             }
         };
@@ -355,18 +341,5 @@ mod tests {
         // Differences 1, 2, 3: sum 6, sd 1, standard error of the sum √3.
         let (sum, error) = difference(&[2.0, 2.0, 3.0], &[1.0, 0.0, 0.0]);
         assert!((sum - 6.0).abs() < 1e-12 && (error - 3.0_f64.sqrt()).abs() < 1e-12);
-    }
-
-    #[test]
-    fn probabilities_add_up_far_from_zero() {
-        let p = probabilities(&[-1000.0, -1000.0 + 3.0_f64.ln()]);
-        assert!((p[1] - 0.75).abs() < 1e-12 && (p[0] - 0.25).abs() < 1e-12);
-    }
-
-    // The jackknife of a mean is its standard error: of 1, 2, 6 it is 7^½ / 3^½ = 1.527525.
-    #[test]
-    fn jackknife_of_a_mean() {
-        let got = jackknife_sd(&[4.0, 3.5, 1.5]);
-        assert!((got - 1.527_525).abs() < 1e-6, "{got}");
     }
 }

@@ -116,13 +116,7 @@ pub fn observe_in(mechanisms: &[Hidden<'_>], seed: u64, turns_deg: f64) -> Obser
                 co2_ppm: Some(read),
                 wind_speed_m_s: Some(7.0 + 0.3 * normal(&mut rng)),
                 wind_from_deg: Some(250.0 + swing + 1.5 * normal(&mut rng)),
-                temperature_c: None,
-                relative_humidity_pct: None,
-                pressure_hpa: None,
-                sd_ppm: None,
-                averaging_s: None,
-                line_end: None,
-                spread_s: 0.0,
+                ..ObservationRow::default()
             });
         }
     }

@@ -4,7 +4,7 @@ use super::{FOUND_WITHIN_M, MissionKey, MissionRow, Moment, NEAR_M, Question, St
 use formats::number::{significant, value_and_sd};
 use protocol::message::{FluxMethod, PeakStatus};
 use std::fmt::Write as _;
-use study::SD_95;
+use study::{SD_95, median};
 
 /// Missions that differ in their seeds alone.
 #[derive(Debug, Clone)]
@@ -29,17 +29,6 @@ pub struct MedianOf {
 
 /// Chance that an interval misses what it is of.
 const MISSES: f64 = 0.05;
-
-/// Median; none of nothing.
-pub fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    let n = values.len();
-    match n {
-        0 => None,
-        _ if n % 2 == 1 => Some(values[n / 2]),
-        _ => Some(f64::midpoint(values[n / 2 - 1], values[n / 2])),
-    }
-}
 
 impl MedianOf {
     /// Of some values; none of nothing.

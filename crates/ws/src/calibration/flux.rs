@@ -29,8 +29,7 @@ impl Calibrator {
             method,
             kg_s,
         };
-        let (at, covariance) = &self.by_fit;
-        let by_fit = self.unknowns.flux(&self.base, at, covariance, wind_m_s);
+        let by_fit = self.corrected(&self.by_fit).flux(wind_m_s);
         let inferred = by_fit
             .into_iter()
             .map(|(source, kg_s)| flux(FluxMethod::Inference, source, kg_s));
@@ -39,10 +38,8 @@ impl Calibrator {
         };
         let faster = wind_m_s.value / self.base.wind.reference_speed_m_s();
         let balance = passes.kg_s(faster, wind_m_s.sd / wind_m_s.value);
-        let names = self
-            .unknowns
-            .source_names(&self.base, &self.in_the_mean().0)
-            .join(Flux::AND);
+        let names = self.corrected(self.in_the_mean()).source_names();
+        let names = names.join(Flux::AND);
         let weighed = flux(FluxMethod::MassBalance, names.clone(), estimate(balance));
         match self.combined(balance, wind_m_s) {
             Some(both) => {
@@ -72,19 +69,16 @@ impl Calibrator {
     /// The emission rate of each source of the sensor's gas by the corrected model, kg/s, with its name. Readings determine
     /// the ratio of emission to wind.
     pub fn flux(&self, wind_m_s: Estimate) -> Vec<(String, Estimate)> {
-        let (at, covariance) = self.in_the_mean();
-        self.unknowns.flux(&self.base, at, covariance, wind_m_s)
+        self.corrected(self.in_the_mean()).flux(wind_m_s)
     }
 
     /// The rate of all sources together at these unknowns, kg/s.
     fn in_all(
         &self,
-        (at, covariance): &(DVector<f64>, DMatrix<f64>),
+        unknowns: &(DVector<f64>, DMatrix<f64>),
         wind_m_s: Estimate,
     ) -> Option<Interval> {
-        let all = self
-            .unknowns
-            .flux_in_all(&self.base, at, covariance, wind_m_s);
+        let all = self.corrected(unknowns).flux_in_all(wind_m_s);
         let is_known = all.value > 0.0 && all.sd.is_finite();
         is_known.then(|| Interval::of_mean(all.value, all.sd))
     }
@@ -102,11 +96,12 @@ impl Calibrator {
             sd: 0.0,
         };
         let fit = self.in_all(&self.by_fit, wind_m_s)?;
-        let names = self.unknowns.source_names(&self.base, &self.by_fit.0);
+        let names = self.corrected(&self.by_fit).source_names();
         if names.len() > 1 && !agree(fit, passes.kg_s(1.0, 0.0)) {
             return None;
         }
-        let (mut at, mut covariance) = self.by_fit.clone();
+        let mut unknowns = self.by_fit.clone();
+        let (at, covariance) = (&mut unknowns.0, &mut unknowns.1);
         let prior = (self.unknowns.prior_mean(), self.unknowns.prior_sd());
         for (k, factor) in [(strength, 1.0), (spread, NOTHING_KNOWN)] {
             at[k] = prior.0[k];
@@ -114,7 +109,8 @@ impl Calibrator {
             covariance.column_mut(k).fill(0.0);
             covariance[(k, k)] = (factor * prior.1[k]).powi(2);
         }
-        let (ln_kg_s, slope) = self.unknowns.ln_flux(&self.base, &at, &covariance)?;
+        let (ln_kg_s, slope) = self.corrected(&unknowns).ln_flux()?;
+        let (mut at, mut covariance) = unknowns;
         let mut slopes = DMatrix::zeros(2, at.len());
         slopes.set_row(0, &slope.transpose());
         slopes[(1, spread)] = 1.0;

@@ -28,7 +28,7 @@ use gap::plume::{Averaging, Carried, PlumeModel, ROWS_OF_A_SEARCH, Records, Setu
 use infer::{ClosestModel, InferError, LearnedNoise, PlumePlace, Posterior, Problem};
 use meander::{Line, Meander};
 use nalgebra::{DMatrix, DVector};
-use parameters::Unknowns;
+use parameters::{Corrected, Unknowns};
 use peak::AtCrossing;
 use plume::stability::Stability;
 use plume::{DispersionModel, DispersionSpec, MechanismId, Place};
@@ -637,15 +637,26 @@ impl Calibrator {
 
     /// The corrected parameters with their standard deviations.
     pub fn calibrated(&self) -> Calibrated {
-        let (at, covariance) = self.in_the_mean();
-        self.unknowns.calibrated(&self.base, at, covariance)
+        self.corrected(self.in_the_mean()).calibrated()
     }
 
     /// Value and standard deviation of a mechanism's parameter that is unknown, of one platform's sensor or
     /// of all.
     pub fn parameter(&self, id: MechanismId, platform: Option<usize>) -> Option<Estimate> {
-        let (at, covariance) = self.in_the_mean();
-        self.unknowns.parameter((id, platform), at, covariance)
+        self.corrected(self.in_the_mean()).parameter(id, platform)
+    }
+
+    /// These values of the unknowns, with their covariance, about the base.
+    fn corrected<'a>(
+        &'a self,
+        (at, covariance): &'a (DVector<f64>, DMatrix<f64>),
+    ) -> Corrected<'a> {
+        Corrected {
+            unknowns: &self.unknowns,
+            base: &self.base,
+            at,
+            covariance,
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! Calibration from files: measured observations of one or several platforms correct a scenario.
 
+use super::parameters::{UNKNOWN, plus, times};
 use super::{Calibrated, Calibrator};
 use crate::WsError;
 use air::geo::wrap_deg;
@@ -164,80 +165,37 @@ fn corrected(scenario: &Scenario, calibrator: &Calibrator, found: &Calibrated) -
     let logged = calibrator.logged_from_deg();
     let from_deg = logged.unwrap_or(scenario.weather.wind_from_deg);
     let turned = wrap_deg(from_deg + calibrator.turn_deg());
-    let factor = found.strength_factor;
-    let strength = |value: Option<f64>| value.unwrap_or_default() * factor.value;
-    let strength_sd = |value: Option<f64>| value.unwrap_or_default() * factor.sd;
+    let strength = |value: Option<f64>| times(value.unwrap_or_default(), found.strength_factor);
     let source = &scenario.sources[0];
     // What only a scenario that marks it uncertain has among its unknowns.
-    let own = |id, of: fn(f64, f64) -> f64, value: f64| {
-        let none = Estimate {
-            value: f64::NAN,
-            sd: f64::NAN,
-        };
-        calibrator.parameter(id, None).map_or(none, |e| Estimate {
-            value: of(value, e.value),
-            sd: if matches!(id, MechanismId::SensorOffset) {
-                e.sd
-            } else {
-                value * e.sd
-            },
-        })
+    let own = |id, of: fn(f64, Estimate) -> Estimate, value: f64| {
+        let found = calibrator.parameter(id, None);
+        found.map_or(UNKNOWN, |found| of(value, found))
     };
-    let speed = own(
-        MechanismId::WindSpeedScale,
-        std::ops::Mul::mul,
-        scenario.weather.wind_speed_m_s,
-    );
-    let offset = own(
-        MechanismId::SensorOffset,
-        std::ops::Add::add,
-        scenario.sensor().offset_ppm,
-    );
-    let gain = own(
-        MechanismId::SensorGain,
-        std::ops::Mul::mul,
-        scenario.sensor().gain,
-    );
-    for (key, value, sd) in [
-        (Uncertain::WindFrom, turned, found.axis_deg.sd),
+    let axis = Estimate {
+        value: turned,
+        ..found.axis_deg
+    };
+    let (sensor, speed_m_s) = (scenario.sensor(), scenario.weather.wind_speed_m_s);
+    let offset = own(MechanismId::SensorOffset, plus, sensor.offset_ppm);
+    for (key, Estimate { value, sd }) in [
+        (Uncertain::WindFrom, axis),
+        (Uncertain::EffectiveHeight, found.effective_height_agl_m),
+        (Uncertain::Emission, strength(source.mean_emission_kg_s())),
+        (Uncertain::CMax, strength(source.c_max_ppm)),
+        (Uncertain::Background, found.background_ppm),
+        (Uncertain::SigmaYScale, found.sigma_y_scale),
+        (Uncertain::SigmaZScale, found.sigma_z_scale),
+        (Uncertain::SensorTimeConstant, found.time_constant_s),
         (
-            Uncertain::EffectiveHeight,
-            found.effective_height_agl_m.value,
-            found.effective_height_agl_m.sd,
+            Uncertain::WindSpeed,
+            own(MechanismId::WindSpeedScale, times, speed_m_s),
         ),
+        (Uncertain::SensorOffset, offset),
         (
-            Uncertain::Emission,
-            strength(source.mean_emission_kg_s()),
-            strength_sd(source.mean_emission_kg_s()),
+            Uncertain::SensorGain,
+            own(MechanismId::SensorGain, times, sensor.gain),
         ),
-        (
-            Uncertain::CMax,
-            strength(source.c_max_ppm),
-            strength_sd(source.c_max_ppm),
-        ),
-        (
-            Uncertain::Background,
-            found.background_ppm.value,
-            found.background_ppm.sd,
-        ),
-        (
-            Uncertain::SigmaYScale,
-            found.sigma_y_scale.value,
-            found.sigma_y_scale.sd,
-        ),
-        (
-            Uncertain::SigmaZScale,
-            found.sigma_z_scale.value,
-            found.sigma_z_scale.sd,
-        ),
-        (
-            Uncertain::SensorTimeConstant,
-            found.time_constant_s.value,
-            found.time_constant_s.sd,
-        ),
-        (Uncertain::WindSpeed, speed.value, speed.sd),
-        (Uncertain::SensorOffset, offset.value, offset.sd),
-        (Uncertain::SensorGain, gain.value, gain.sd),
     ] {
         if scenario.value(key).is_some() && value.is_finite() {
             corrected.set_with_sd(key, value, sd);

@@ -132,25 +132,6 @@ impl Unknowns {
         self.list.iter().position(is)
     }
 
-    /// Value and standard deviation of a mechanism's parameter; of a log-normal one the median and, to first
-    /// order, the standard deviation.
-    pub fn parameter(
-        &self,
-        (id, platform): (MechanismId, Option<usize>),
-        at: &DVector<f64>,
-        covariance: &DMatrix<f64>,
-    ) -> Option<Estimate> {
-        let k = self.index(id, platform)?;
-        let spec = &id.spec().parameters[0];
-        let value = spec.from_coordinate(at[k]);
-        let is_held = platform.is_none() && self.held.contains(&id);
-        let widened = if is_held { 1.0 / HELD } else { 1.0 };
-        Some(Estimate {
-            value,
-            sd: widened * spec.sd_of(value, covariance[(k, k)].sqrt()),
-        })
-    }
-
     /// The model at these values, as a scenario has it: in its own numbers, and nothing as a mechanism but
     /// what single sensors have.
     pub fn folded(&self, base: &DispersionSpec, at: &DVector<f64>) -> DispersionSpec {
@@ -199,34 +180,53 @@ impl Unknowns {
         }
         spec
     }
+}
 
-    pub fn calibrated(
-        &self,
-        base: &DispersionSpec,
-        at: &DVector<f64>,
-        covariance: &DMatrix<f64>,
-    ) -> Calibrated {
+/// Values of the unknowns about a base, with their covariance.
+#[derive(Clone, Copy)]
+pub(crate) struct Corrected<'a> {
+    pub unknowns: &'a Unknowns,
+    pub base: &'a DispersionSpec,
+    pub at: &'a DVector<f64>,
+    pub covariance: &'a DMatrix<f64>,
+}
+
+impl Corrected<'_> {
+    /// Value and standard deviation of a mechanism's parameter; of a log-normal one the median and, to first
+    /// order, the standard deviation.
+    pub fn parameter(&self, id: MechanismId, platform: Option<usize>) -> Option<Estimate> {
+        let k = self.unknowns.index(id, platform)?;
+        let spec = &id.spec().parameters[0];
+        let value = spec.from_coordinate(self.at[k]);
+        let is_held = platform.is_none() && self.unknowns.held.contains(&id);
+        let widened = if is_held { 1.0 / HELD } else { 1.0 };
+        Some(Estimate {
+            value,
+            sd: widened * spec.sd_of(value, self.covariance[(k, k)].sqrt()),
+        })
+    }
+
+    /// The model at these values.
+    fn model(&self) -> Option<DispersionModel> {
+        DispersionModel::new(self.unknowns.folded(self.base, self.at)).ok()
+    }
+
+    /// Names of the sources of the sensor's gas.
+    pub fn source_names(&self) -> Vec<String> {
+        let emissions = self.model().map_or_else(Vec::new, |m| m.emissions_kg_s());
+        emissions.into_iter().map(|(name, _)| name).collect()
+    }
+
+    /// What a calibration found.
+    pub fn calibrated(&self) -> Calibrated {
         use MechanismId as M;
-        let of = |id| {
-            let none = Estimate {
-                value: f64::NAN,
-                sd: f64::NAN,
-            };
-            self.parameter((id, None), at, covariance).unwrap_or(none)
-        };
-        let from = |value: f64, by: Estimate| Estimate {
-            value: value + by.value,
-            ..by
-        };
-        let times = |value: f64, by: Estimate| Estimate {
-            value: value * by.value,
-            sd: value * by.sd,
-        };
+        let base = self.base;
+        let of = |id| self.parameter(id, None).unwrap_or(UNKNOWN);
         let turn = of(M::WindDirectionOffset);
-        let (c_max, c_max_distance_m) = self.c_max(base, at, covariance);
+        let (c_max, c_max_distance_m) = self.c_max();
         Calibrated {
-            background_ppm: from(base.background_ppm, of(M::BackgroundOffset)),
-            effective_height_agl_m: from(
+            background_ppm: plus(base.background_ppm, of(M::BackgroundOffset)),
+            effective_height_agl_m: plus(
                 base.sources[0].effective_height_agl_m,
                 of(M::EffectiveHeightOffset),
             ),
@@ -244,80 +244,46 @@ impl Unknowns {
     }
 
     /// c_MAX that states the model's strength at its distance.
-    fn c_max(
-        &self,
-        base: &DispersionSpec,
-        at: &DVector<f64>,
-        covariance: &DMatrix<f64>,
-    ) -> (Estimate, f64) {
-        let distance_m = base.sources[0].strength.c_max_distance_m();
+    fn c_max(&self) -> (Estimate, f64) {
+        let distance_m = self.base.sources[0].strength.c_max_distance_m();
         let value = |model: &DispersionModel| model.stated_c_max_ppm(distance_m);
-        (self.of_model(base, at, covariance, &value), distance_m)
+        (self.of_model(&value), distance_m)
     }
 
     /// What each source of the sensor's gas emits if `wind_m_s` blows at the reference height.
-    pub fn flux(
-        &self,
-        base: &DispersionSpec,
-        at: &DVector<f64>,
-        covariance: &DMatrix<f64>,
-        wind_m_s: Estimate,
-    ) -> Vec<(String, Estimate)> {
+    pub fn flux(&self, wind_m_s: Estimate) -> Vec<(String, Estimate)> {
         let of = |(k, name): (usize, String)| {
             let one = |model: &DispersionModel| model.emissions_kg_s()[k].1;
-            let kg_s = in_wind(self.of_model(base, at, covariance, &per_m_s(one)), wind_m_s);
+            let kg_s = in_wind(self.of_model(&per_m_s(one)), wind_m_s);
             let is_read = kg_s.value.is_finite() && kg_s.sd.is_finite();
             is_read.then_some((name, kg_s))
         };
-        let names = self.source_names(base, at).into_iter().enumerate();
+        let names = self.source_names().into_iter().enumerate();
         names.filter_map(of).collect()
     }
 
     /// The same of all of them together.
-    pub fn flux_in_all(
-        &self,
-        base: &DispersionSpec,
-        at: &DVector<f64>,
-        covariance: &DMatrix<f64>,
-        wind_m_s: Estimate,
-    ) -> Estimate {
+    pub fn flux_in_all(&self, wind_m_s: Estimate) -> Estimate {
         let all = |model: &DispersionModel| model.emissions_kg_s().iter().map(|e| e.1).sum();
-        in_wind(self.of_model(base, at, covariance, &per_m_s(all)), wind_m_s)
+        in_wind(self.of_model(&per_m_s(all)), wind_m_s)
     }
 
     /// ln of the emission of all sources, kg/s, in the scenario's wind, and its derivatives by the unknowns.
-    pub fn ln_flux(
-        &self,
-        base: &DispersionSpec,
-        at: &DVector<f64>,
-        covariance: &DMatrix<f64>,
-    ) -> Option<(f64, DVector<f64>)> {
+    pub fn ln_flux(&self) -> Option<(f64, DVector<f64>)> {
         let all = |model: &DispersionModel| model.emissions_kg_s().iter().map(|e| e.1).sum();
-        let ln_kg_s =
-            |model: &DispersionModel| (per_m_s(all)(model) * base.wind.reference_speed_m_s()).ln();
-        let (ln_kg_s, slope) = self.linearised(base, at, covariance, &ln_kg_s);
+        let ln_kg_s = |model: &DispersionModel| {
+            (per_m_s(all)(model) * self.base.wind.reference_speed_m_s()).ln()
+        };
+        let (ln_kg_s, slope) = self.linearised(&ln_kg_s);
         let is_known = ln_kg_s.is_finite() && slope.iter().all(|s| s.is_finite());
         is_known.then_some((ln_kg_s, slope))
     }
 
-    /// Names of the sources of the sensor's gas.
-    pub fn source_names(&self, base: &DispersionSpec, at: &DVector<f64>) -> Vec<String> {
-        let model = DispersionModel::new(self.folded(base, at));
-        let emissions = model.map_or_else(|_| Vec::new(), |m| m.emissions_kg_s());
-        emissions.into_iter().map(|(name, _)| name).collect()
-    }
-
     /// What `value` is of the model at these values, with the standard deviation that the unknowns'
     /// covariance gives it to first order (JCGM 100:2008, equation 13).
-    fn of_model(
-        &self,
-        base: &DispersionSpec,
-        at: &DVector<f64>,
-        covariance: &DMatrix<f64>,
-        value: &dyn Fn(&DispersionModel) -> f64,
-    ) -> Estimate {
-        let (here, slope) = self.linearised(base, at, covariance, value);
-        let variance = (slope.transpose() * covariance * &slope)[(0, 0)];
+    fn of_model(&self, value: &dyn Fn(&DispersionModel) -> f64) -> Estimate {
+        let (here, slope) = self.linearised(value);
+        let variance = (slope.transpose() * self.covariance * &slope)[(0, 0)];
         Estimate {
             value: here,
             sd: variance.max(0.0).sqrt(),
@@ -325,28 +291,43 @@ impl Unknowns {
     }
 
     /// `value` of the model at these unknowns, and its derivatives, by differences over a part of each standard deviation.
-    fn linearised(
-        &self,
-        base: &DispersionSpec,
-        at: &DVector<f64>,
-        covariance: &DMatrix<f64>,
-        value: &dyn Fn(&DispersionModel) -> f64,
-    ) -> (f64, DVector<f64>) {
+    fn linearised(&self, value: &dyn Fn(&DispersionModel) -> f64) -> (f64, DVector<f64>) {
         // 0 for values that make no model.
-        let value = |at: &DVector<f64>| {
-            DispersionModel::new(self.folded(base, at)).map_or(0.0, |model| value(&model))
-        };
-        let here = value(at);
-        let slope = DVector::from_fn(at.len(), |k, _| {
-            let step = 0.01 * covariance[(k, k)].sqrt();
+        let value =
+            |at: &DVector<f64>| Corrected { at, ..*self }.model().map_or(0.0, |m| value(&m));
+        let here = value(self.at);
+        let slope = DVector::from_fn(self.at.len(), |k, _| {
+            let step = 0.01 * self.covariance[(k, k)].sqrt();
             if step == 0.0 {
                 return 0.0;
             }
-            let mut aside = at.clone();
+            let mut aside = self.at.clone();
             aside[k] += step;
             (value(&aside) - here) / step
         });
         (here, slope)
+    }
+}
+
+/// What is not known.
+pub(super) const UNKNOWN: Estimate = Estimate {
+    value: f64::NAN,
+    sd: f64::NAN,
+};
+
+/// `value` and a further part of it.
+pub(super) fn plus(value: f64, further: Estimate) -> Estimate {
+    Estimate {
+        value: value + further.value,
+        ..further
+    }
+}
+
+/// `value` times a factor.
+pub(super) fn times(value: f64, factor: Estimate) -> Estimate {
+    Estimate {
+        value: value * factor.value,
+        sd: value * factor.sd,
     }
 }
 

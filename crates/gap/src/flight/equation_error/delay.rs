@@ -2,9 +2,9 @@
 
 use serde::Serialize;
 
-use super::regression::jackknife;
 use super::smooth::{Smooth, detrended};
 use super::{Axis, EquationError};
+use crate::statistics::jackknife_se;
 
 /// Longest delay sought, s.
 const LONGEST_S: f64 = 0.4;
@@ -107,11 +107,11 @@ fn best_delay(parts: &[Smooth], axis: &Axis<'_>) -> Option<(f64, f64)> {
     if whole <= 0.0 || whole >= count as f64 {
         return None;
     }
-    let without = (1..width).map(|k| best(k) * DELAY_STEP_S);
+    let without: Vec<f64> = (1..width).map(|k| best(k) * DELAY_STEP_S).collect();
     // A command is known to the row: each of its changes comes anywhere between two, and a block
     // holds at least one change.
     let of_rows = parts[0].interval / (12.0 * (width as f64 - 1.0)).sqrt();
-    let error = jackknife(without).hypot(of_rows);
+    let error = jackknife_se(&without).hypot(of_rows);
     error.is_finite().then_some((whole * DELAY_STEP_S, error))
 }
 

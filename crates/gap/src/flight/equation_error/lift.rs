@@ -5,9 +5,10 @@ use formats::number::plus_minus;
 use serde::Serialize;
 
 use super::FEWEST_ROWS;
-use super::regression::{Regression, jackknife, solve};
+use super::regression::{Regression, solve};
 use super::smooth::{Smooth, bridged, detrended};
 use crate::flight::channel::at;
+use crate::statistics::jackknife_se;
 
 /// Level of a two-sided test of 5 %, standard errors.
 const TWO_SIDED: f64 = 1.96;
@@ -68,11 +69,9 @@ pub(super) fn lift(parts: &[Smooth], a: &Aircraft) -> Option<Lift> {
         return None;
     }
     let slope = solve(&regression.all())[1];
-    let se = jackknife(
-        regression
-            .without_each()
-            .map(|(others, _)| solve(&others)[1]),
-    );
+    let without = regression.without_each();
+    let without: Vec<f64> = without.map(|(others, _)| solve(&others)[1]).collect();
+    let se = jackknife_se(&without);
     let published = a.lift.alpha;
     let ratio = published / slope;
     let (true_vane, true_lift) = (against(&moved, 1.0), against(&moved, ratio));

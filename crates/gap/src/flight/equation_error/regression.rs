@@ -120,12 +120,3 @@ fn left(products: &DMatrix<f64>, factors: &DVector<f64>) -> f64 {
     let misfit = factors.map(|v| -v).push(1.0);
     misfit.dot(&(products * &misfit))
 }
-
-/// Standard error of an estimate of which these are the values without each block.
-pub(super) fn jackknife(without: impl Iterator<Item = f64>) -> f64 {
-    let without: Vec<f64> = without.collect();
-    let n = without.len() as f64;
-    let mean = without.iter().sum::<f64>() / n;
-    let squares: f64 = without.iter().map(|v| (v - mean).powi(2)).sum();
-    ((n - 1.0) / n * squares).sqrt()
-}

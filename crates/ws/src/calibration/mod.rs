@@ -55,6 +55,11 @@ struct Moment {
     slow_deg: f64,
 }
 
+/// The middle of moments, s.
+fn middle_s(moments: &[Moment]) -> f64 {
+    moments.iter().map(|m| m.time_s).sum::<f64>() / moments.len() as f64
+}
+
 /// Takes in readings and corrects the model.
 #[derive(Debug, Clone)]
 pub struct Calibrator {
@@ -453,11 +458,12 @@ impl Calibrator {
         let posterior = self.posterior.as_ref()?;
         let moments = self.moments();
         let n = moments.len() as f64;
+        let stated_s = middle_s(&moments);
         let (mut value, mut sd) = (0.0, 0.0);
-        for Moment { time_s, slow_deg } in moments {
-            let there = posterior.at_place(time_s, |at, turn_deg| {
+        for moment in &moments {
+            let there = posterior.at_place(moment.time_s, |at, turn_deg| {
                 let at = DVector::from_column_slice(at);
-                self.there(place, time_s, at, turn_deg - slow_deg)
+                self.there(place, stated_s, moment, (at, turn_deg))
             });
             // What is not known is the same at all moments, for the most part.
             (value, sd) = (value + there.value / n, sd + there.sd / n);
@@ -470,32 +476,36 @@ impl Calibrator {
         let Some(posterior) = self.posterior.as_ref() else {
             return 0.0;
         };
-        let at_moment = |m: &Moment| {
-            posterior.value_at(m.time_s, |at, turn_deg| {
+        let stated_s = middle_s(moments);
+        let at_moment = |moment: &Moment| {
+            posterior.value_at(moment.time_s, |at, turn_deg| {
                 let at = DVector::from_column_slice(at);
-                self.there(place, m.time_s, at, turn_deg - m.slow_deg)
+                self.there(place, stated_s, moment, (at, turn_deg))
             })
         };
         moments.iter().map(at_moment).sum::<f64>() / moments.len() as f64
     }
 
-    /// What there is at a place and time besides the plume and of it, ppm, and where in the plume that is.
+    /// What there is at a place besides the plume and of it, ppm, and where in the plume that is: background and emission of
+    /// the time `stated_s`, axis and discrepancy of a moment. In the mean over moments an emission that grows exponentially
+    /// would be more than it is in their middle.
     fn there(
         &self,
         place: &Place,
-        time_s: f64,
-        at: DVector<f64>,
-        turn_deg: f64,
+        stated_s: f64,
+        moment: &Moment,
+        (at, turn_deg): (DVector<f64>, f64),
     ) -> (f64, f64, PlumePlace) {
-        let Ok(model) = DispersionModel::new(self.swung_spec(at, turn_deg)) else {
+        let Ok(model) = DispersionModel::new(self.swung_spec(at, turn_deg - moment.slow_deg))
+        else {
             return (f64::NAN, f64::NAN, PlumePlace::default());
         };
-        let rest = model.background_ppm(place, time_s);
+        let rest = model.background_ppm(place, stated_s);
         let wind = model.transport();
-        let there = model.in_first_plume(place, time_s, wind);
+        let there = model.in_first_plume(place, stated_s, wind);
         let under_way_s = there.map_or(0.0, |p| wind.under_way_s(p.distance_m));
-        let plume = model.mean_ppm(place, time_s) - rest;
-        (rest, plume, plume_place(there, time_s, under_way_s))
+        let plume = model.mean_ppm(place, stated_s) - rest;
+        (rest, plume, plume_place(there, moment.time_s, under_way_s))
     }
 
     /// Moments over which the plume is averaged: its crossings, or those of the last ten minutes where the axis
@@ -537,8 +547,7 @@ impl Calibrator {
 
     /// The time for which the plume is stated, s: the middle of those over which it is averaged.
     pub fn stated_s(&self) -> f64 {
-        let moments = self.moments();
-        moments.iter().map(|m| m.time_s).sum::<f64>() / moments.len() as f64
+        middle_s(&self.moments())
     }
 
     /// What the readings were found to be like; none before a fit.

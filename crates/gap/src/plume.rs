@@ -32,6 +32,7 @@ pub(crate) mod zero;
 pub use apply::apply;
 pub use averaged::{Averaging, averaged};
 pub use data::{Prior, Setup};
+pub use meander::Meander;
 pub use model::{PlumeModel, Unknown, at_coordinates, plume_place, priors_about};
 pub use records::{Records, sensor_sd};
 pub use report::{GapReport, Series};

@@ -226,6 +226,11 @@ impl Basis {
         self.len() - 2 * self.functions_per_direction()
     }
 
+    /// Width of the basis functions of the axis drift, s.
+    pub(crate) fn axis_drift_width_s(&self) -> f64 {
+        self.basis_functions[AXIS_DRIFT].width
+    }
+
     /// Number of basis functions of the axis drift in each of its directions: to the sides, and up and down.
     pub(crate) fn functions_per_direction(&self) -> usize {
         self.basis_functions[AXIS_DRIFT].count

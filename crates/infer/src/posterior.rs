@@ -646,6 +646,11 @@ impl Posterior {
         axis_drift.iter().any(|weight| *weight != 0.0)
     }
 
+    /// How long the axis keeps a direction, s: the width of the basis functions of its drift.
+    pub fn axis_drift_width_s(&self) -> f64 {
+        self.fit.basis.axis_drift_width_s()
+    }
+
     /// Turn of the axis at a time beside the means of the unknowns: what of a steady turn
     /// the mean lays on the unknown axis it takes from here.
     pub fn turn(&self, time_s: f64) -> AxisTurn {

@@ -572,8 +572,9 @@ pub(super) fn base_parameters(
     let believed = study.question.posterior(set)?;
     let nearest = study.question.nearest(set, &believed)?;
     let mut stated = set.model.stated(nearest, &believed, false)?;
-    if let Some(meander) = Meander::of(study, set, &believed)? {
-        meander.in_the_mean(&set.model, &mut stated);
+    if let Some(meander) = Meander::of(&set.model, set.at(), &believed)? {
+        let index = |id| set.model.unknown(id);
+        meander.in_the_mean(index, set.model.strength(), &mut stated);
     }
     let priors = infer::ForwardModel::priors(&set.model).iter();
     let [prior_mean, prior_sd] = [

@@ -5,15 +5,17 @@
 //! (Gifford 1959), and weaker on its axis by as much.
 
 use ::plume::{MechanismId, Strength};
-use infer::{ClosestModel, Estimate, FittedSet, ForwardModel, InferError, Posterior};
+use infer::{AxisTurn, ClosestModel, Estimate, ForwardModel, InferError, Posterior};
 
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
 
-use super::Study;
 use super::model::PlumeModel;
 
 /// Neighbouring states of an axis drift hang together: its basis functions overlap.
 const STATES_TOLD_TWICE: f64 = 2.0;
+/// A plume meanders if its axis wanders by this part of its width or more. A fit leaves 1 % in steady air, 20 % and more in
+/// unsteady air.
+const WANDERS: f64 = 0.03;
 /// What a normal distribution holds below two standard deviations.
 const WITHIN_2_SD: f64 = 0.977_25;
 
@@ -43,6 +45,11 @@ impl Wander {
         few(states) * (self.deg2 / states).sqrt()
     }
 
+    /// Whether it is too little to tell from a steady axis.
+    fn is_still(self) -> bool {
+        self.deg2 < (WANDERS * self.width_deg).powi(2)
+    }
+
     /// A wander by more than the plume is wide is a wind that turns, whose plume in the mean is none of the scenario's.
     fn unless_it_turns(self) -> Self {
         if self.deg2 > self.width_deg.powi(2) {
@@ -55,7 +62,7 @@ impl Wander {
 
 /// The wander of a fitted axis where the plume was met.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Meander {
+pub struct Meander {
     sideways: Wander,
     upward: Wander,
     /// Independent states of the axis.
@@ -71,26 +78,24 @@ struct State {
 }
 
 impl Meander {
-    /// The wander of a set's axis; none where the plume was not met.
+    /// The wander of the axis of the plume with the unknowns `at`; none where the plume was not met.
     ///
     /// # Errors
     /// Values that the model refuses.
     pub fn of(
-        study: &Study<'_>,
-        set: &FittedSet<PlumeModel<'_>>,
+        model: &PlumeModel<'_>,
+        at: &[f64],
         believed: &Posterior,
     ) -> Result<Option<Self>, InferError> {
-        let met = set
-            .model
-            .predict(set.at(), &study.question.turns(set))?
-            .plume;
+        let time_s = model.track().time_s();
+        let turns: Vec<AxisTurn> = time_s.iter().map(|t| believed.turn(*t)).collect();
+        let met = model.predict(at, &turns)?.plume;
         let met: Vec<f64> = met.iter().map(|plume| plume.max(0.0)).collect();
         let all: f64 = met.iter().sum();
-        let Some(distance_m) = set.model.met_distance_m(set.at(), &met)? else {
+        let Some(distance_m) = model.met_distance_m(at, &met)? else {
             return Ok(None);
         };
-        let width_s = study.question.policy.axis_drift_width_s;
-        let states = states(study.data.track.time_s(), &met, width_s);
+        let states = states(time_s, &met, believed.axis_drift_width_s());
         let wander = |turn: &dyn Fn(&[f64]) -> Estimate| {
             let times_s: Vec<f64> = states.iter().map(|s| s.time_s).collect();
             let known = turn(&times_s).sd.powi(2);
@@ -100,9 +105,9 @@ impl Meander {
             let of = |t: &Estimate| (t.value - mean).powi(2) + (t.sd.powi(2) - known).max(0.0);
             parts().map(|(t, s)| s.plume * of(t)).sum::<f64>() / all
         };
-        let noise = &set.fit().noise;
+        let noise = &believed.fit().noise;
         let seen_deg = |height_m: f64| (height_m / distance_m).atan().to_degrees();
-        let (sigma_y_m, sigma_z_m) = set.model.world(set.at())?.sigmas_m(distance_m);
+        let (sigma_y_m, sigma_z_m) = model.world(at)?.sigmas_m(distance_m);
         let squares: f64 = states.iter().map(|s| s.plume * s.plume).sum();
         let sideways = Wander {
             deg2: wander(&|times| believed.mean_turn(times, None)) + noise.wander_deg.powi(2),
@@ -122,12 +127,23 @@ impl Meander {
         }))
     }
 
-    /// The unknowns in the mean over the wander.
-    pub fn in_the_mean(&self, model: &PlumeModel<'_>, stated: &mut ClosestModel) {
+    /// Whether the axis wanders so little that the plume is as good as steady.
+    pub fn is_still(&self) -> bool {
+        [self.sideways, self.upward].iter().all(|w| w.is_still())
+    }
+
+    /// The unknowns in the mean over the wander, of which `index` gives the place of each; `strength` is how the scenario
+    /// states that of its source.
+    pub fn in_the_mean(
+        &self,
+        index: impl Fn(MechanismId) -> Option<usize>,
+        strength: Strength,
+        stated: &mut ClosestModel,
+    ) {
         use MechanismId as M;
         let [across, up] = [self.sideways, self.upward].map(|w| w.ln_wider(self.states));
         // The axis of the moment is as strong as its plume is narrow.
-        let weaker = match model.strength() {
+        let weaker = match strength {
             Strength::CMax { .. } => across.value + up.value,
             Strength::EmissionKgS(_) => 0.0,
         };
@@ -143,7 +159,7 @@ impl Meander {
             (M::SigmaZScale, up.value, up.sd),
             (M::EmissionScale, -weaker, across.sd.hypot(up.sd)),
         ] {
-            if let Some(k) = model.unknown(id) {
+            if let Some(k) = index(id) {
                 stated.mean[k] += shift;
                 stated.covariance[(k, k)] += sd * sd;
                 stated.prior[k] += sd * sd;

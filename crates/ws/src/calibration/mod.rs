@@ -13,8 +13,8 @@
 //! about the wrong one cannot look back. Until the axis is located, every correction in flight
 //! searches; from then on it goes on from the last one.
 
+mod axis_line;
 mod flux;
-mod meander;
 pub mod offline;
 mod parameters;
 mod peak;
@@ -24,9 +24,11 @@ pub use peak::READ_SD;
 
 use crate::WsError;
 use air::geo::Enu;
-use gap::plume::{Averaging, Carried, PlumeModel, ROWS_OF_A_SEARCH, Records, Setup, plume_place};
+use axis_line::Line;
+use gap::plume::{
+    Averaging, Carried, Meander, PlumeModel, ROWS_OF_A_SEARCH, Records, Setup, plume_place,
+};
 use infer::{ClosestModel, InferError, LearnedNoise, PlumePlace, Posterior, Problem};
-use meander::{Line, Meander};
 use nalgebra::{DMatrix, DVector};
 use parameters::{Corrected, Unknowns};
 use peak::AtCrossing;
@@ -97,7 +99,7 @@ pub struct Calibrator {
     /// When the plume was last met, s.
     met_s: f64,
     predicted: peak::Predicted,
-    /// The meander that crossings show; none where they may be those of a steady plume.
+    /// The wander of the axis; none where the plume may be steady.
     meander: Option<Meander>,
     /// Half width of the peak's 95 % interval over its excess at which it is as well known as is asked.
     peak_within: f64,
@@ -396,21 +398,13 @@ impl Calibrator {
         let nearest = problem.nearest(&posterior)?;
         self.estimate.clone_from(&nearest.mean);
         self.met_s = model.last_met_s(self.estimate.as_slice())?;
-        let spec = self.unknowns.folded(&self.base, &self.estimate);
-        self.predicted = peak::Predicted::of(
-            &model,
-            &track,
-            rows,
-            &self.estimate,
-            spec,
-            &posterior,
-            self.axis_index(),
-        )?;
+        self.predicted = peak::Predicted::of(&model, &track, rows, &self.estimate, &posterior)?;
         self.logged_from_deg = records
             .has_logged_wind()
             .then(|| records.met_from_deg(&track, self.predicted.plume()));
         self.fitted_rows = self.row_count();
-        self.meander = Meander::of(&self.predicted, self.width_deg());
+        let meander = Meander::of(&model, self.estimate.as_slice(), &posterior)?;
+        self.meander = meander.filter(|m| !m.is_still());
         let stated = model.stated(nearest, &posterior, self.meander.is_some())?;
         (self.covariance, self.beforehand) = (stated.covariance, stated.prior);
         self.posterior = Some(posterior);
@@ -608,7 +602,9 @@ impl Calibrator {
             }
         }
         if let Some(meander) = self.meander {
-            meander.in_the_mean(&self.unknowns, &self.base, &mut stated);
+            let index = |id| self.unknowns.index(id, None);
+            let strength = self.base.sources[0].strength;
+            meander.in_the_mean(index, strength, &mut stated);
         }
         let stated =
             stated.known_beforehand(&self.unknowns.prior_mean(), &self.unknowns.prior_sd());

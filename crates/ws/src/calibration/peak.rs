@@ -1,9 +1,9 @@
 //! The highest concentration where set-points may go, and how far readings stand behind it.
 
-use super::{Calibrator, meander};
+use super::Calibrator;
 use air::geo::{Enu, Position};
 use gap::plume::PlumeModel;
-use infer::{ForwardModel, PlumePlace};
+use infer::ForwardModel;
 use nalgebra::DVector;
 use plume::curtain::{BETWEEN_PASSES_S, PASS_SCATTER};
 use plume::track::Track;
@@ -28,6 +28,8 @@ const HARDLY_KNOWN: f64 = 0.5;
 /// Where a mission asks for no precision, a peak is known where its 95 % interval has this half width over its excess: about as
 /// much as [`HARDLY_KNOWN`] leaves.
 pub const WITHIN: f64 = 1.0;
+/// Crossings below which no meander can be told.
+const CROSSINGS_OF_MEANDER: usize = 4;
 /// Differences for the slopes of a peak: parts of the standard deviation of an unknown, within which the peak is about linear.
 const DIFFERENCE_SD: f64 = 0.3;
 /// A plume was read where it explains the squares of so many standard deviations of the sensor.
@@ -44,11 +46,8 @@ struct Crossing {
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct AtCrossing {
     pub time_s: f64,
-    /// Turn of the axis, and how far the axis may be off there.
+    /// Turn of the axis, degrees clockwise.
     pub turn_deg: f64,
-    pub turn_sd_deg: f64,
-    /// Height of the crossing above the axis over the plume's own height.
-    pub above_sigmas: f64,
 }
 
 /// Predictions of the corrected model without discrepancy for the rows of the last fit.
@@ -62,14 +61,8 @@ pub(super) struct Predicted {
     plume: Vec<f64>,
     /// The axis at each crossing of the plume, in order of time.
     axis: Vec<AtCrossing>,
-    /// How far the axis may be off in the mean over them, degrees.
-    mean_axis_sd_deg: f64,
-    /// The plume's height, one standard deviation, m, in the mean of what was met.
-    sigma_z_m: f64,
     /// The sensor's white noise as the fit found it, ppm.
     white_ppm: f64,
-    /// Wander of the axis that the fit took for noise, one standard deviation, degrees.
-    wander_deg: f64,
 }
 
 impl Predicted {
@@ -78,9 +71,7 @@ impl Predicted {
         track: &Track,
         measured: &infer::Rows,
         estimate: &DVector<f64>,
-        spec: plume::DispersionSpec,
         posterior: &infer::Posterior,
-        axis: Option<usize>,
     ) -> Result<Self, infer::InferError> {
         let times = track.time_s().iter();
         let turns: Vec<infer::AxisTurn> = times.map(|t| posterior.turn(*t)).collect();
@@ -99,18 +90,8 @@ impl Predicted {
                 0.0
             }
         };
-        let places = model.places(estimate.as_slice())?;
-        let (mut met, mut ln_distance) = (0.0, 0.0);
-        for (place, plume) in places.iter().zip(&said.plume) {
-            if place.ln_distance.is_finite() {
-                (met, ln_distance) = (met + plume, ln_distance + plume * place.ln_distance);
-            }
-        }
-        let world = DispersionModel::new(spec);
         let mut predicted = Self {
-            sigma_z_m: world.map_or(f64::NAN, |w| w.sigmas_m((ln_distance / met).exp()).1),
             axis: Vec::new(),
-            mean_axis_sd_deg: 0.0,
             at: track
                 .ranges()
                 .iter()
@@ -121,13 +102,8 @@ impl Predicted {
             read: (0..track.len()).map(read).collect(),
             plume: said.plume.clone(),
             white_ppm: posterior.fit().noise.white,
-            wander_deg: posterior.fit().noise.wander_deg,
         };
-        predicted.axis = predicted.axis_by(posterior, &places, axis);
-        let times_s: Vec<f64> = predicted.axis.iter().map(|c| c.time_s).collect();
-        if !times_s.is_empty() {
-            predicted.mean_axis_sd_deg = posterior.mean_turn(&times_s, axis).sd;
-        }
+        predicted.axis = predicted.axis_by(posterior);
         Ok(predicted)
     }
 
@@ -136,44 +112,18 @@ impl Predicted {
         &self.plume
     }
 
-    /// The plume's height where it was met, one standard deviation, m.
-    pub fn sigma_z_m(&self) -> f64 {
-        self.sigma_z_m
-    }
-
-    /// Wander of the axis that the fit took for noise, one standard deviation, degrees.
-    pub fn wander_deg(&self) -> f64 {
-        self.wander_deg
-    }
-
-    /// How far the axis may be off in the mean over all crossings, degrees.
-    pub fn mean_axis_sd_deg(&self) -> f64 {
-        self.mean_axis_sd_deg
-    }
-
     /// The axis at each crossing of the plume.
     pub fn axis(&self) -> &[AtCrossing] {
         &self.axis
     }
 
-    /// `axis` is the unknown that turns the axis for good: what is not known of it, and with it of all turns alike, is no
-    /// meander.
-    fn axis_by(
-        &self,
-        posterior: &infer::Posterior,
-        places: &[PlumePlace],
-        axis: Option<usize>,
-    ) -> Vec<AtCrossing> {
+    fn axis_by(&self, posterior: &infer::Posterior) -> Vec<AtCrossing> {
         let most = self.plume.iter().copied().fold(0.0, f64::max);
         let of = |rows: &Vec<usize>| {
             let time_s = rows.iter().map(|k| self.at[*k].1).sum::<f64>() / rows.len() as f64;
-            let turn = posterior.mean_turn(&[time_s], axis);
-            let above = rows.iter().map(|k| places[*k].above_sigmas);
             AtCrossing {
                 time_s,
-                turn_deg: turn.value,
-                turn_sd_deg: turn.sd,
-                above_sigmas: above.sum::<f64>() / rows.len() as f64,
+                turn_deg: posterior.turn_deg(time_s),
             }
         };
         let crossings = self.rows_of_crossings(IN_PLUME * most);
@@ -343,7 +293,7 @@ impl Calibrator {
     /// Whether a peak with which crossings near it `agree` is known as well as is asked.
     fn confirmation(&self, relative_sd: f64, agree: &str) -> (PeakStatus, String) {
         let crossings = self.predicted.axis().len();
-        if crossings < meander::LEAST_CROSSINGS {
+        if crossings < CROSSINGS_OF_MEANDER {
             let words = format!(
                 "{agree}, but {crossings} crossings of the plume do not show whether it meanders"
             );

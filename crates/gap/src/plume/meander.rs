@@ -6,7 +6,6 @@
 
 use ::plume::{MechanismId, Strength};
 use infer::{AxisTurn, ClosestModel, Estimate, ForwardModel, InferError, Posterior};
-
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
 
 use super::model::PlumeModel;
@@ -96,26 +95,18 @@ impl Meander {
             return Ok(None);
         };
         let states = states(time_s, &met, believed.axis_drift_width_s());
-        let wander = |turn: &dyn Fn(&[f64]) -> Estimate| {
-            let times_s: Vec<f64> = states.iter().map(|s| s.time_s).collect();
-            let known = turn(&times_s).sd.powi(2);
-            let turns: Vec<Estimate> = times_s.iter().map(|t| turn(&[*t])).collect();
-            let parts = || turns.iter().zip(&states);
-            let mean = parts().map(|(t, s)| s.plume * t.value).sum::<f64>() / all;
-            let of = |t: &Estimate| (t.value - mean).powi(2) + (t.sd.powi(2) - known).max(0.0);
-            parts().map(|(t, s)| s.plume * of(t)).sum::<f64>() / all
-        };
         let noise = &believed.fit().noise;
         let seen_deg = |height_m: f64| (height_m / distance_m).atan().to_degrees();
         let (sigma_y_m, sigma_z_m) = model.world(at)?.sigmas_m(distance_m);
         let squares: f64 = states.iter().map(|s| s.plume * s.plume).sum();
         let sideways = Wander {
-            deg2: wander(&|times| believed.mean_turn(times, None)) + noise.wander_deg.powi(2),
+            deg2: variance_deg2(&states, &|times| believed.mean_turn(times, None))
+                + noise.wander_deg.powi(2),
             width_deg: seen_deg(sigma_y_m),
         };
         let width_deg = seen_deg(sigma_z_m);
         let upward = Wander {
-            deg2: wander(&|times| believed.mean_rise(times))
+            deg2: variance_deg2(&states, &|times| believed.mean_rise(times))
                 + (noise.wander_sigma_z * width_deg).powi(2),
             width_deg,
         };
@@ -168,6 +159,21 @@ impl Meander {
     }
 }
 
+/// Variance of the axis over its states, of which `turn` gives the mean turn at some times, degrees². What is not known of all
+/// of them together is no wander.
+fn variance_deg2(states: &[State], turn: &dyn Fn(&[f64]) -> Estimate) -> f64 {
+    let times_s: Vec<f64> = states.iter().map(|s| s.time_s).collect();
+    let known = turn(&times_s).sd.powi(2);
+    let turns: Vec<Estimate> = times_s.iter().map(|t| turn(&[*t])).collect();
+    let all: f64 = states.iter().map(|s| s.plume).sum();
+    let in_the_mean = |of: &dyn Fn(&Estimate) -> f64| {
+        let parts = turns.iter().zip(states).map(|(t, s)| s.plume * of(t));
+        parts.sum::<f64>() / all
+    };
+    let mean = in_the_mean(&|t| t.value);
+    in_the_mean(&|t| (t.value - mean).powi(2) + (t.sd.powi(2) - known).max(0.0))
+}
+
 /// By what a standard deviation that rests on so few squares is larger than that of a normal distribution, so that two of
 /// them hold as much (Student 1908).
 fn few(squares: f64) -> f64 {
@@ -190,4 +196,49 @@ fn states(time_s: &[f64], met: &[f64], width_s: f64) -> Vec<State> {
         }
     };
     rows.chunk_by(is_same).map(state).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Variances of plume and meander add (Gifford 1959).
+    #[test]
+    fn a_meander_as_wide_as_the_plume_doubles_its_variance() {
+        let wander = Wander {
+            deg2: 9.0,
+            width_deg: 3.0,
+        };
+        let wider = wander.ln_wider(1e6);
+        assert!((wider.value.exp().powi(2) - 2.0).abs() < 1e-12);
+        assert!(wider.sd < 1e-3);
+    }
+
+    /// The quantile p of Student's distribution with two degrees of freedom is (2p - 1) / sqrt(2 p (1 - p)).
+    #[test]
+    fn few_states_tell_less() {
+        let p = WITHIN_2_SD;
+        let quantile = (2.0 * p - 1.0) / (2.0 * p * (1.0 - p)).sqrt();
+        assert!((few(2.0) - quantile / 2.0).abs() < 1e-6, "{}", few(2.0));
+        assert!((few(1e6) - 1.0).abs() < 1e-3);
+    }
+
+    /// Turns of 2, -2 and 2 degrees, known to 1 degree each, of which the mean is known exactly.
+    #[test]
+    fn what_is_not_known_of_each_state_counts_as_wander() {
+        let time_s = [0.0, 10.0, 100.0, 200.0, 210.0];
+        let all = states(&time_s, &[1.0, 1.0, 2.0, 3.0, 0.0], 60.0);
+        assert_eq!(all.len(), 3);
+        assert!((all[0].time_s - 5.0).abs() < 1e-12);
+        let turn = |times: &[f64]| Estimate {
+            value: if times == [100.0] { -2.0 } else { 2.0 },
+            sd: if times.len() == 1 { 1.0 } else { 0.0 },
+        };
+        // Weights 2, 2 and 3 of 7: mean 6/7, variance 4 - 36/49.
+        let variance = variance_deg2(&all, &turn);
+        assert!(
+            (variance - (4.0 - 36.0 / 49.0 + 1.0)).abs() < 1e-12,
+            "{variance}"
+        );
+    }
 }

@@ -522,7 +522,8 @@ mod tests {
         }
     }
 
-    /// g's variance is the square of its size wherever something was read or asked.
+    /// The variance of g and of the axis's turn to the sides is the square of its size wherever something was read or asked.
+    /// A place that is asked is taken with the axis at its mean height.
     #[test]
     fn the_error_of_form_has_the_same_size_everywhere() {
         let places = [place(6.9, -2.0), place(8.1, 3.0)];
@@ -532,7 +533,7 @@ mod tests {
         for step in 0..=60 {
             let ln_distance = 6.9 + 0.02 * f64::from(step);
             basis.fill(&place(ln_distance, 0.0), &mut basis_functions);
-            for coordinate in 0..COORDINATES {
+            for coordinate in 0..UPWARD_DRIFT {
                 let of = |(b, c): (&f64, &usize)| if *c == coordinate { b * b } else { 0.0 };
                 let variance: f64 = basis_functions.iter().zip(&coordinates).map(of).sum();
                 assert!(

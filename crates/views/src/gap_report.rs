@@ -245,6 +245,11 @@ fn sentence(json: &GapJson) -> String {
 fn lead(title: &str, json: &GapJson, found: String, worth: &str) -> [String; 3] {
     let done = format!("The data of {title} were compared with what the simulation predicts.");
     let better = match json.gain.as_ref().map(|g| &g.held_out) {
+        Some(h) if h.rmse_before > 0.0 && h.rmse_after >= h.rmse_before => format!(
+            " On data that had no part in the fit, the log score of the extended model is higher by {} nats, and its root mean \
+             square error does not fall.",
+            significant(h.log_score_after - h.log_score_before)
+        ),
         Some(h) if h.rmse_before > 0.0 => format!(
             " On data that had no part in the fit, the extended model is off by {} where the model of the scenario is off \
              by {} (root mean square).",

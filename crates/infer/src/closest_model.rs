@@ -9,7 +9,7 @@ use crate::evidence::{Known, Products};
 use crate::fit::{Fit, Problem};
 use crate::passes::passes;
 use crate::posterior::{Posterior, widened};
-use crate::rows::ForwardModel;
+use crate::rows::{ForwardModel, Prior};
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
 
@@ -25,25 +25,24 @@ pub struct ClosestModel {
 }
 
 impl ClosestModel {
-    /// Applies the priors `prior_mean` and `prior_sd` to this model instead of to the unknowns alone. A discrepancy or
+    /// Applies the priors of the unknowns to this model instead of to the unknowns alone. A discrepancy or
     /// meander adds to the unknowns, so a posterior with priors on the unknowns alone loses part of them. Discrepancies and
     /// unknowns are then independent where it matters (Plumlee 2017).
     #[must_use]
-    pub fn known_beforehand(self, prior_mean: &DVector<f64>, prior_sd: &DVector<f64>) -> Self {
+    pub fn known_beforehand(self, priors: &[Prior]) -> Self {
         let Some(told) = self.covariance.clone().cholesky() else {
             return self;
         };
-        let forgotten = DVector::from_fn(prior_sd.len(), |k, _| {
-            (prior_sd[k].powi(-2) - self.prior[k].recip()).max(0.0)
-        });
+        let of_each = |of: &dyn Fn(usize) -> f64| DVector::from_fn(priors.len(), |k, _| of(k));
+        let forgotten = of_each(&|k| (priors[k].sd.powi(-2) - self.prior[k].recip()).max(0.0));
         let mut precision = told.inverse();
-        let pull = &precision * &self.mean + forgotten.component_mul(prior_mean);
+        let pull = &precision * &self.mean + of_each(&|k| forgotten[k] * priors[k].mean);
         precision += DMatrix::from_diagonal(&forgotten);
         match precision.cholesky() {
             Some(precision) => Self {
                 mean: precision.solve(&pull),
                 covariance: precision.inverse(),
-                prior: prior_sd.map(|sd| sd * sd),
+                prior: of_each(&|k| priors[k].sd.powi(2)),
             },
             None => self,
         }

@@ -38,9 +38,9 @@ pub struct Policy {
     /// Sizes of the drift of the axis to the sides that are tried besides none, degrees: a wind that veers within an hour,
     /// ordinary air (`noise_tolerated`), and a wind that turns.
     pub axis_drift_sizes_deg: [f64; 3],
-    /// Size of the drift of the axis up and down over that to the sides: the ratio of the neutral spectra of vertical and
-    /// lateral wind at low frequencies, √(2.1 / 17) (Kaimal and others 1972). A wind that turns rises no more than ordinary
-    /// air.
+    /// Ratio of the size of the axis drift up and down to that of the drift to the sides: that of the neutral spectra of
+    /// vertical and lateral wind at low frequencies, √(2.1 / 17) (Kaimal and others 1972). Above the size of ordinary air the
+    /// drift up and down does not grow.
     pub upward_over_sideways: f64,
     /// Standard deviation of the axis drift's mean over a record, degrees: a steady turn is no axis drift.
     pub axis_drift_mean_deg: f64,

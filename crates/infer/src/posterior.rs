@@ -646,7 +646,7 @@ impl Posterior {
         axis_drift.iter().any(|weight| *weight != 0.0)
     }
 
-    /// How long the axis keeps a direction, s: the width of the basis functions of its drift.
+    /// Width of the basis functions of the axis drift, s.
     pub fn axis_drift_width_s(&self) -> f64 {
         self.fit.basis.axis_drift_width_s()
     }
@@ -678,8 +678,8 @@ impl Posterior {
         self.estimate_of(value, &function)
     }
 
-    /// Mean of the axis drift in a direction, to the sides or upwards, at these times, degrees: its value, and it as a linear
-    /// function of all columns.
+    /// Mean of the axis drift at these times, degrees, in the direction 0, to the sides, or 1, upwards: its value, and its
+    /// coefficients in all columns.
     fn mean_drift(&self, times_s: &[f64], direction: usize) -> (f64, DMatrix<f64>) {
         let n = self.fit.basis.functions_per_direction();
         let first = self.fit.basis.of_discrepancy() + direction * n;

@@ -10,8 +10,8 @@ use plume::{Place, Puffs, Sensor};
 use pyo3::PyResult;
 use rand::RngExt as _;
 use rand::rngs::ChaCha8Rng;
-use std::sync::Arc;
 use scenario::random::stream;
+use std::sync::Arc;
 
 /// Numbers of an observation.
 pub(crate) const OBSERVED: usize = 16;

@@ -15,11 +15,11 @@ use crate::verdict::{
     UnexplainedKind, Verdict,
 };
 
-/// Probability below which an explanation is rejected, 99 to 1 as in [`infer::Policy::rest_nats`]: chance as that of a score,
-/// over all candidates and onsets, and one rival among those for the same place.
+/// Explanations less probable than this are rejected, 99 to 1 as in [`infer::Policy::rest_nats`]: chance, by the p-value over all
+/// candidates and onsets, and a rival cause, by its share among its rivals.
 const REJECTED_P: f64 = 0.01;
-/// Part of the strongest block's gain from which on a nameless term lives in a block. Gain grows with the square of the
-/// term's size, so this is the width at half of its largest size.
+/// Blocks that gain more than this part of the strongest block's gain belong to the interval of an unnamed term. Gain grows with
+/// the square of the term's size, so the interval is where the term has at least half of its largest size.
 const HALF_SIZE_GAIN: f64 = 0.25;
 /// Times so far apart are different onsets, s: nearer ones the readings tell apart only by the answer of speed and attitude, which
 /// takes about as long.

@@ -21,13 +21,11 @@ use super::{
     Options, Study, gate, residual, wind,
 };
 use crate::verdict::{
-    BaseParameter, Candidate, Cause, Contact, DataQuality, Detectable, Discrepancy, Evidence,
-    GapJson, Insufficient, Measured, Noise, Parameter, Ranked, SCHEMA, Unexplained,
-    UnexplainedKind, Verdict,
+    BaseParameter, Candidate, Cause, Contact, DETECTABLE_NATS, DataQuality, Detectable,
+    Discrepancy, Evidence, GapJson, Insufficient, Measured, Noise, Parameter, Ranked, SCHEMA,
+    Unexplained, UnexplainedKind, Verdict,
 };
 
-/// Log evidence at which an effect counts as detectable, nats.
-const DETECTABLE_NATS: f64 = 20.0;
 /// The plume was not met where its strength stays unknown to more than this factor's logarithm: a
 /// factor e.
 const UNKNOWN_LN_STRENGTH: f64 = 1.0;
@@ -571,20 +569,15 @@ pub(super) fn base_parameters(
 ) -> Result<Vec<BaseParameter>, InferError> {
     let believed = study.question.posterior(set)?;
     let nearest = study.question.nearest(set, &believed)?;
-    let mut stated = set.model.stated(nearest, &believed, false)?;
-    if let Some(meander) = Meander::of(&set.model, set.at(), &believed)? {
+    let meander = Meander::of(&set.model, set.at(), &believed)?;
+    let mut stated = set.model.stated(nearest, &believed, meander.is_some())?;
+    if let Some(meander) = meander {
         let index = |id| set.model.unknown(id);
         meander.in_the_mean(index, set.model.strength(), &mut stated);
     }
-    let priors = infer::ForwardModel::priors(&set.model).iter();
-    let [prior_mean, prior_sd] = [
-        priors.clone().map(|p| p.mean).collect(),
-        priors.map(|p| p.sd).collect(),
-    ]
-    .map(nalgebra::DVector::from_vec);
     let infer::ClosestModel {
         mean, covariance, ..
-    } = stated.known_beforehand(&prior_mean, &prior_sd);
+    } = stated.known_beforehand(infer::ForwardModel::priors(&set.model));
     let wind_from_deg = met_wind(study, set).0;
     let of = |(part, prior): (usize, &super::Prior)| {
         let k = set.model.unknowns_of(part).next();

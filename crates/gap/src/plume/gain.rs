@@ -6,6 +6,7 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 
 use super::Study;
+use crate::statistics::central_95;
 use crate::verdict::{Gain, HeldOut};
 
 /// Number of bootstrap resamples.
@@ -52,8 +53,8 @@ pub(crate) fn gain(study: &Study<'_>, seed: u64) -> Result<Gained, InferError> {
         gains.push(drawn.iter().map(|k| after.ln[*k] - before.ln[*k]).sum());
         changes.push(rmse(&pick(&new)) - rmse(&pick(&old)));
     }
-    let (gain_low, gain_high) = middle(&mut gains);
-    let (change_low, change_high) = middle(&mut changes);
+    let [gain_low, gain_high] = central_95(gains);
+    let [change_low, change_high] = central_95(changes);
     let was = scores_of_excess(study, &before, &before, &mut rng);
     let is = scores_of_excess(study, &before, &after, &mut rng);
     let held_out = HeldOut {
@@ -94,12 +95,6 @@ pub(crate) fn gain(study: &Study<'_>, seed: u64) -> Result<Gained, InferError> {
             .map(|k| (span(k).0, span(k).1, after.ln[k] - before.ln[k]))
             .collect(),
     })
-}
-
-fn middle(values: &mut [f64]) -> (f64, f64) {
-    values.sort_by(f64::total_cmp);
-    let at = |q: f64| values[(q * (values.len() - 1) as f64).round() as usize];
-    (at(0.025), at(0.975))
 }
 
 /// Scores of the excess over the air without a plume, where either side has one, and their intervals

@@ -7,6 +7,7 @@ use scenario::observations::checks;
 use super::averaged::averaged;
 use super::data::{Data, Setup};
 use crate::GapError;
+use crate::statistics::median;
 use crate::verdict::{DataQuality, Flaw};
 
 /// How many time constants a sensor remembers the air before a track: e⁻⁵ of it is left.
@@ -79,8 +80,7 @@ fn forget_unknown_air(data: &mut Data, time_constant_s: f64) {
 
 /// The step that half of the steps between `times` do not exceed.
 fn usual_step(times: &[f64]) -> Option<f64> {
-    let mut steps: Vec<f64> = times.windows(2).map(|w| w[1] - w[0]).collect();
-    middle(&mut steps)
+    median(times.windows(2).map(|w| w[1] - w[0]).collect())
 }
 
 /// Single readings far from both neighbours among `rows`, whose noise the fit found to be no normal one.
@@ -106,10 +106,4 @@ pub(crate) fn spikes(data: &Data, rows: &[usize]) -> Vec<DataQuality> {
         }
     }
     found
-}
-
-/// The middle one of `values`.
-pub(super) fn middle(values: &mut [f64]) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
 }

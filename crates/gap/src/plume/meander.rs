@@ -1,8 +1,8 @@
-//! What the wander of an axis does to numbers that hold in the mean.
+//! Converts a fit about the moving axis to the mean plume that a scenario describes.
 //!
-//! A fit follows the axis as it drifts, so that its spread is that of the plume about the axis of the moment, and its axis and
-//! height are as sure as if the plume lay still. A scenario holds the plume in the mean, which is wider, σ² = σ_r² + σ_m²
-//! (Gifford 1959), and weaker on its axis by as much.
+//! The fit follows the axis, so its spread is that about the momentary axis, and its standard deviations of axis and height
+//! leave out the sampling of the motion. The mean plume is wider, σ² = σ_r² + σ_m² (Gifford 1959), and c_MAX is smaller by the
+//! same factor.
 
 use ::plume::{MechanismId, Strength};
 use infer::{AxisTurn, ClosestModel, Estimate, ForwardModel, InferError, Posterior};
@@ -10,26 +10,26 @@ use statrs::distribution::{ContinuousCDF as _, StudentsT};
 
 use super::model::PlumeModel;
 
-/// Neighbouring states of an axis drift hang together: its basis functions overlap.
-const STATES_TOLD_TWICE: f64 = 2.0;
-/// A plume meanders if its axis wanders by this part of its width or more. A fit leaves 1 % in steady air, 20 % and more in
-/// unsteady air.
-const WANDERS: f64 = 0.03;
-/// What a normal distribution holds below two standard deviations.
+/// Number of adjacent states that count as one independent state: they are correlated, as basis functions overlap.
+const CORRELATED_STATES: f64 = 2.0;
+/// Ratio of the axis's standard deviation to the plume's width from which the plume meanders. Fits give 0.01 in steady air, and
+/// 0.2 or more in unsteady air.
+const MEANDERS: f64 = 0.03;
+/// Probability of a normal variable below two standard deviations above its mean.
 const WITHIN_2_SD: f64 = 0.977_25;
 
-/// The wander of the axis about its mean in one direction.
+/// The motion of the axis about its mean in one direction: drift and wander.
 #[derive(Debug, Clone, Copy, Default)]
-struct Wander {
+struct AxisMotion {
     /// Variance, degrees².
     deg2: f64,
     /// Width of the plume about the axis of the moment as seen from its source, degrees.
     width_deg: f64,
 }
 
-impl Wander {
-    /// Logarithm of the mean plume's spread over that about the axis of the moment, and its standard deviation where the
-    /// wander is that of so many independent states.
+impl AxisMotion {
+    /// Logarithm of the mean plume's spread over that about the momentary axis, with its standard deviation after `states`
+    /// independent states.
     fn ln_wider(self, states: f64) -> Estimate {
         let part = self.deg2 / self.width_deg.powi(2);
         // A standard deviation of n values is known to 1/√2n of itself.
@@ -39,17 +39,18 @@ impl Wander {
         }
     }
 
-    /// How far the mean of so many independent states may be off, degrees.
+    /// Standard deviation of the axis's mean over `states` independent states, degrees.
     fn of_mean_deg(self, states: f64) -> f64 {
         few(states) * (self.deg2 / states).sqrt()
     }
 
-    /// Whether it is too little to tell from a steady axis.
-    fn is_still(self) -> bool {
-        self.deg2 < (WANDERS * self.width_deg).powi(2)
+    /// Whether it is too small to distinguish from a steady axis.
+    fn is_steady(self) -> bool {
+        self.deg2 < (MEANDERS * self.width_deg).powi(2)
     }
 
-    /// A wander by more than the plume is wide is a wind that turns, whose plume in the mean is none of the scenario's.
+    /// The motion without variance where the axis moves by more than the plume's width: that is a change of the wind, and the
+    /// scenario's plume is not its mean.
     fn unless_it_turns(self) -> Self {
         if self.deg2 > self.width_deg.powi(2) {
             Self { deg2: 0.0, ..self }
@@ -59,25 +60,26 @@ impl Wander {
     }
 }
 
-/// The wander of a fitted axis where the plume was met.
+/// The motion of a fitted axis while vehicles were in the plume.
 #[derive(Debug, Clone, Copy)]
 pub struct Meander {
-    sideways: Wander,
-    upward: Wander,
+    sideways: AxisMotion,
+    upward: AxisMotion,
     /// Independent states of the axis.
     states: f64,
     /// Distance from the source, m.
     distance_m: f64,
 }
 
-/// The plume met while the axis had one state.
+/// Sum of the plume's concentrations at the readings within one state of the axis, and their mean time.
 struct State {
     time_s: f64,
     plume: f64,
 }
 
 impl Meander {
-    /// The wander of the axis of the plume with the unknowns `at`; none where the plume was not met.
+    /// The motion of the axis of the plume with the unknowns `at`; none where the axis is steady, or no reading was in the
+    /// plume.
     ///
     /// # Errors
     /// Values that the model refuses.
@@ -99,32 +101,31 @@ impl Meander {
         let seen_deg = |height_m: f64| (height_m / distance_m).atan().to_degrees();
         let (sigma_y_m, sigma_z_m) = model.world(at)?.sigmas_m(distance_m);
         let squares: f64 = states.iter().map(|s| s.plume * s.plume).sum();
-        let sideways = Wander {
+        let sideways = AxisMotion {
             deg2: variance_deg2(&states, &|times| believed.mean_turn(times, None))
                 + noise.wander_deg.powi(2),
             width_deg: seen_deg(sigma_y_m),
         };
         let width_deg = seen_deg(sigma_z_m);
-        let upward = Wander {
+        let upward = AxisMotion {
             deg2: variance_deg2(&states, &|times| believed.mean_rise(times))
                 + (noise.wander_sigma_z * width_deg).powi(2),
             width_deg,
         };
-        Ok(Some(Self {
+        let meander = Self {
             sideways: sideways.unless_it_turns(),
             upward,
-            states: (all * all / squares / STATES_TOLD_TWICE).max(1.0),
+            states: (all * all / squares / CORRELATED_STATES).max(1.0),
             distance_m,
-        }))
+        };
+        Ok((!meander.is_steady()).then_some(meander))
     }
 
-    /// Whether the axis wanders so little that the plume is as good as steady.
-    pub fn is_still(&self) -> bool {
-        [self.sideways, self.upward].iter().all(|w| w.is_still())
+    fn is_steady(&self) -> bool {
+        [self.sideways, self.upward].iter().all(|m| m.is_steady())
     }
 
-    /// The unknowns in the mean over the wander, of which `index` gives the place of each; `strength` is how the scenario
-    /// states that of its source.
+    /// Converts `stated` to the mean plume. `index` is the position of an unknown; `strength` is the scenario's.
     pub fn in_the_mean(
         &self,
         index: impl Fn(MechanismId) -> Option<usize>,
@@ -133,7 +134,7 @@ impl Meander {
     ) {
         use MechanismId as M;
         let [across, up] = [self.sideways, self.upward].map(|w| w.ln_wider(self.states));
-        // The axis of the moment is as strong as its plume is narrow.
+        // c_MAX is on the axis, where the narrower plume is stronger; an emission is the same.
         let weaker = match strength {
             Strength::CMax { .. } => across.value + up.value,
             Strength::EmissionKgS(_) => 0.0,
@@ -159,8 +160,8 @@ impl Meander {
     }
 }
 
-/// Variance of the axis over its states, of which `turn` gives the mean turn at some times, degrees². What is not known of all
-/// of them together is no wander.
+/// Variance of the axis over its states, degrees²; `turn` is the mean turn at some times. The uncertainty that all states share
+/// does not count.
 fn variance_deg2(states: &[State], turn: &dyn Fn(&[f64]) -> Estimate) -> f64 {
     let times_s: Vec<f64> = states.iter().map(|s| s.time_s).collect();
     let known = turn(&times_s).sd.powi(2);
@@ -174,14 +175,14 @@ fn variance_deg2(states: &[State], turn: &dyn Fn(&[f64]) -> Estimate) -> f64 {
     in_the_mean(&|t| (t.value - mean).powi(2) + (t.sd.powi(2) - known).max(0.0))
 }
 
-/// By what a standard deviation that rests on so few squares is larger than that of a normal distribution, so that two of
-/// them hold as much (Student 1908).
-fn few(squares: f64) -> f64 {
-    let student = StudentsT::new(0.0, 1.0, squares);
+/// Factor on a standard deviation from `freedoms` degrees of freedom, so that ± 2 of them cover as much as of a normal
+/// distribution (Student 1908).
+fn few(freedoms: f64) -> f64 {
+    let student = StudentsT::new(0.0, 1.0, freedoms);
     student.map_or(1.0, |t| t.inverse_cdf(WITHIN_2_SD) / 2.0)
 }
 
-/// The states of an axis that keeps each for `width_s`: the plume that was met in each, and when on the average.
+/// The states of an axis that keeps each for `width_s`.
 fn states(time_s: &[f64], met: &[f64], width_s: f64) -> Vec<State> {
     let mut rows: Vec<(f64, f64)> = time_s.iter().copied().zip(met.iter().copied()).collect();
     rows.retain(|(_, plume)| *plume > 0.0);
@@ -205,11 +206,11 @@ mod tests {
     /// Variances of plume and meander add (Gifford 1959).
     #[test]
     fn a_meander_as_wide_as_the_plume_doubles_its_variance() {
-        let wander = Wander {
+        let motion = AxisMotion {
             deg2: 9.0,
             width_deg: 3.0,
         };
-        let wider = wander.ln_wider(1e6);
+        let wider = motion.ln_wider(1e6);
         assert!((wider.value.exp().powi(2) - 2.0).abs() < 1e-12);
         assert!(wider.sd < 1e-3);
     }
@@ -225,7 +226,7 @@ mod tests {
 
     /// Turns of 2, -2 and 2 degrees, known to 1 degree each, of which the mean is known exactly.
     #[test]
-    fn what_is_not_known_of_each_state_counts_as_wander() {
+    fn what_is_not_known_of_each_state_counts_as_motion() {
         let time_s = [0.0, 10.0, 100.0, 200.0, 210.0];
         let all = states(&time_s, &[1.0, 1.0, 2.0, 3.0, 0.0], 60.0);
         assert_eq!(all.len(), 3);

@@ -349,23 +349,30 @@ impl<'a> PlumeModel<'a> {
     /// # Errors
     /// Values that the model refuses.
     pub fn last_met_s(&self, at: &[f64]) -> Result<f64, InferError> {
-        let plume = self
-            .predict(at, &vec![AxisTurn::NONE; self.track.len()])?
-            .plume;
+        Ok(self.last_met_of(&self.still_plume(at)?))
+    }
+
+    /// The plume's part of each reading, with the axis at rest.
+    pub(super) fn still_plume(&self, at: &[f64]) -> Result<Vec<f64>, InferError> {
+        let still = vec![AxisTurn::NONE; self.track.len()];
+        Ok(self.predict(at, &still)?.plume)
+    }
+
+    fn last_met_of(&self, plume: &[f64]) -> f64 {
         let most = plume.iter().copied().fold(0.0, f64::max);
         let times = self.track.time_s();
         let met = plume.iter().zip(times).filter(|(p, _)| **p > MET * most);
         let last = |times: &mut dyn Iterator<Item = f64>| times.fold(f64::NEG_INFINITY, f64::max);
         let met_s = last(&mut met.map(|(_, t)| *t));
-        Ok(if met_s.is_finite() {
+        if met_s.is_finite() {
             met_s
         } else {
             last(&mut times.iter().copied()).max(0.0)
-        })
+        }
     }
 
-    /// Distance from the source at which the readings `met` the plume, m: the geometric mean of where, weighted by the
-    /// concentration of the plume. None where they met none.
+    /// Distance from the source at which readings were in the plume, m: the geometric mean, weighted by the plume's
+    /// concentrations `met`. None where none was in the plume.
     pub(crate) fn met_distance_m(
         &self,
         at: &[f64],
@@ -382,9 +389,9 @@ impl<'a> PlumeModel<'a> {
         Ok(distance_m.is_finite().then_some(distance_m))
     }
 
-    /// What is stated of the unknowns of the `nearest` plume: the strength may be off by the discrepancy as well, on the
-    /// axis and when the plume was last met, or in the mean over time. It counts where c_MAX is stated, or where the plume
-    /// of a stated emission was met.
+    /// The reported unknowns of the `nearest` plume. The variance of the strength includes the discrepancy on the axis, at the
+    /// distance of a stated c_MAX or, of a stated emission, where readings were in the plume; at the last such time, or in the
+    /// mean over time.
     ///
     /// # Errors
     /// Values that the model refuses.
@@ -398,16 +405,12 @@ impl<'a> PlumeModel<'a> {
             return Ok(nearest);
         };
         let at = nearest.mean.as_slice();
-        let met_s = self.last_met_s(at)?;
+        let met = self.still_plume(at)?;
+        let met_s = self.last_met_of(&met);
         let stated_m = self.strength().c_max_distance_m();
         let distance_m = match self.strength() {
             Strength::CMax { .. } => stated_m,
-            Strength::EmissionKgS(_) => {
-                let met = self
-                    .predict(at, &vec![AxisTurn::NONE; self.track.len()])?
-                    .plume;
-                self.met_distance_m(at, &met)?.unwrap_or(stated_m)
-            }
+            Strength::EmissionKgS(_) => self.met_distance_m(at, &met)?.unwrap_or(stated_m),
         };
         let under_way_s = distance_m / self.track.transport()[0].speed_m_s.max(1.0);
         let here = PlumePlace {

@@ -89,10 +89,7 @@ impl PlumeModel<'_> {
     /// degrees; none where nobody met it downwind.
     fn met(&self, at: &[f64]) -> Result<Option<(f64, f64)>, InferError> {
         let track = self.track();
-        let plume = self
-            .predict(at, &vec![infer::AxisTurn::NONE; track.len()])?
-            .plume;
-        let weight: Vec<f64> = plume.iter().map(|p| p.abs()).collect();
+        let weight: Vec<f64> = self.still_plume(at)?.iter().map(|p| p.abs()).collect();
         let wind = mean_transport(track.transport(), &weight);
         let towards_deg = air::wind::from_deg(wind.east, wind.north) + 180.0 + self.turned_deg(at);
         let source = self.world(at)?.spec().sources[0].place;

@@ -9,6 +9,7 @@ use super::fit::{Scored, without};
 use super::predicted::ArcDetail;
 use crate::GapError;
 use crate::applied::AppliedScore;
+use crate::statistics::central_95;
 use crate::verdict::{Gain, HeldOut};
 
 /// Smallest concentration that counts in ratios, as a part of the lowest arc maximum.
@@ -152,7 +153,5 @@ fn interval<const N: usize>(
     }
     let n = parts.len();
     let mut draw = || of(sum((0..n).map(|_| parts[rng.random_range(0..n)])));
-    let mut drawn: Vec<f64> = (0..RESAMPLES).map(|_| draw()).collect();
-    drawn.sort_by(f64::total_cmp);
-    [0.025, 0.975].map(|q| drawn[((RESAMPLES - 1) as f64 * q).round() as usize])
+    central_95((0..RESAMPLES).map(|_| draw()).collect())
 }

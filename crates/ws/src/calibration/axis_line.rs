@@ -1,8 +1,9 @@
-//! The straight line through the turns of the axis at the crossings of a plume: a wind that turns, not a meander.
+//! Least-squares line through the axis's direction at the crossings of a plume, to distinguish a steady change of the wind from a
+//! meander.
 
 use super::peak::AtCrossing;
 
-/// A slope that is not zero by so many standard deviations is a wind that turns.
+/// A slope beyond this many standard deviations counts as a change of the wind.
 const TURNS_SD: f64 = 3.0;
 
 /// The straight line through the turns of the axis at crossings, by least squares.
@@ -12,7 +13,7 @@ pub(super) struct Line {
     mean_deg: f64,
     deg_s: f64,
     deg_s_sd: f64,
-    /// Number of crossings, and the sum of the squares of what their turns are off it.
+    /// Number of crossings, and the sum of the squares of the residuals.
     count: f64,
     off_sq_deg2: f64,
 }
@@ -38,12 +39,12 @@ impl Line {
         line
     }
 
-    /// How far the line has turned from its middle until a time, degrees.
+    /// Turn of the line from its mean time to `time_s`, degrees.
     pub fn turned_deg(&self, time_s: f64) -> f64 {
         self.deg_s * (time_s - self.mean_s)
     }
 
-    /// Whether it is more than chance makes of a meander.
+    /// Whether the slope is significant.
     pub fn is_a_turn(&self) -> bool {
         self.deg_s.abs() > TURNS_SD * self.deg_s_sd
     }
@@ -52,7 +53,7 @@ impl Line {
         crossing.turn_deg - self.mean_deg - self.turned_deg(crossing.time_s)
     }
 
-    /// Root mean square of what the turns of its crossings are off it, degrees.
+    /// Root mean square of the residuals, degrees.
     pub fn rms_off_deg(&self) -> f64 {
         (self.off_sq_deg2 / self.count).sqrt()
     }

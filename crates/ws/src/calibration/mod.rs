@@ -57,7 +57,7 @@ struct Moment {
     slow_deg: f64,
 }
 
-/// The middle of moments, s.
+/// Mean time of the moments, s.
 fn middle_s(moments: &[Moment]) -> f64 {
     moments.iter().map(|m| m.time_s).sum::<f64>() / moments.len() as f64
 }
@@ -99,7 +99,7 @@ pub struct Calibrator {
     /// When the plume was last met, s.
     met_s: f64,
     predicted: peak::Predicted,
-    /// The wander of the axis; none where the plume may be steady.
+    /// The motion of the axis; none where the plume may be steady.
     meander: Option<Meander>,
     /// Half width of the peak's 95 % interval over its excess at which it is as well known as is asked.
     peak_within: f64,
@@ -403,8 +403,7 @@ impl Calibrator {
             .has_logged_wind()
             .then(|| records.met_from_deg(&track, self.predicted.plume()));
         self.fitted_rows = self.row_count();
-        let meander = Meander::of(&model, self.estimate.as_slice(), &posterior)?;
-        self.meander = meander.filter(|m| !m.is_still());
+        self.meander = Meander::of(&model, self.estimate.as_slice(), &posterior)?;
         let stated = model.stated(nearest, &posterior, self.meander.is_some())?;
         (self.covariance, self.beforehand) = (stated.covariance, stated.prior);
         self.posterior = Some(posterior);
@@ -480,9 +479,9 @@ impl Calibrator {
         moments.iter().map(at_moment).sum::<f64>() / moments.len() as f64
     }
 
-    /// What there is at a place besides the plume and of it, ppm, and where in the plume that is: background and emission of
-    /// the time `stated_s`, axis and discrepancy of a moment. In the mean over moments an emission that grows exponentially
-    /// would be more than it is in their middle.
+    /// Background and plume at a place, ppm, and the place's position in the plume. Background and emission are those of
+    /// `stated_s`, axis and discrepancy those of the moment: the mean over moments of an emission that grows exponentially
+    /// exceeds its value at their mean time.
     fn there(
         &self,
         place: &Place,
@@ -606,8 +605,8 @@ impl Calibrator {
             let strength = self.base.sources[0].strength;
             meander.in_the_mean(index, strength, &mut stated);
         }
-        let stated =
-            stated.known_beforehand(&self.unknowns.prior_mean(), &self.unknowns.prior_sd());
+        let priors: Vec<_> = self.unknowns.priors().collect();
+        let stated = stated.known_beforehand(&priors);
         (stated.mean, stated.covariance)
     }
 

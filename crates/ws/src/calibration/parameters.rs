@@ -114,7 +114,7 @@ impl Unknowns {
         self.list.len()
     }
 
-    fn priors(&self) -> impl Iterator<Item = Prior> {
+    pub fn priors(&self) -> impl Iterator<Item = Prior> {
         let added = self.added_sources.iter().flat_map(priors_about);
         self.list.iter().map(|u| u.prior).chain(added)
     }
@@ -217,7 +217,7 @@ impl Corrected<'_> {
         emissions.into_iter().map(|(name, _)| name).collect()
     }
 
-    /// What a calibration found.
+    /// The corrected parameters.
     pub fn calibrated(&self) -> Calibrated {
         use MechanismId as M;
         let base = self.base;
@@ -309,13 +309,13 @@ impl Corrected<'_> {
     }
 }
 
-/// What is not known.
+/// Estimate of an unknown quantity.
 pub(super) const UNKNOWN: Estimate = Estimate {
     value: f64::NAN,
     sd: f64::NAN,
 };
 
-/// `value` and a further part of it.
+/// `further` with `value` added.
 pub(super) fn plus(value: f64, further: Estimate) -> Estimate {
     Estimate {
         value: value + further.value,

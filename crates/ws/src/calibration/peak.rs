@@ -28,7 +28,7 @@ const HARDLY_KNOWN: f64 = 0.5;
 /// Where a mission asks for no precision, a peak is known where its 95 % interval has this half width over its excess: about as
 /// much as [`HARDLY_KNOWN`] leaves.
 pub const WITHIN: f64 = 1.0;
-/// Crossings below which no meander can be told.
+/// Fewest crossings of the plume for a confirmed peak: fewer do not show whether the plume meanders.
 const CROSSINGS_OF_MEANDER: usize = 4;
 /// Differences for the slopes of a peak: parts of the standard deviation of an unknown, within which the peak is about linear.
 const DIFFERENCE_SD: f64 = 0.3;

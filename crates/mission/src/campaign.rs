@@ -46,7 +46,8 @@ pub fn summary_context(setup: &Setup) -> Result<SummaryContext, MissionError> {
     })
 }
 
-/// Flies one mission in virtual time and summarises it; `wall_s` of the summary is zero.
+/// Flies one mission in virtual time and summarises it; `wall_s` of the summary is zero. Not to be called on a thread of
+/// rayon's pool, as by `par_iter`: it waits for computations that need a free thread there.
 ///
 /// # Errors
 /// A mission that cannot be flown.

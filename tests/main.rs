@@ -21,6 +21,7 @@ mod import;
 mod mission;
 mod program;
 mod purity;
+mod ranks;
 mod runner;
 mod security;
 mod team;
@@ -41,6 +42,7 @@ fn main() -> std::process::ExitCode {
         flightgear::tests(),
         import::tests(),
         purity::tests(),
+        ranks::tests(),
         security::tests(),
     ];
     runner::run(tests.into_iter().flatten().collect())

@@ -7,13 +7,10 @@
 )]
 
 mod airborne;
-#[path = "../../../tests/bar/mod.rs"]
-mod bar;
 mod guardian;
 mod outer_loop;
 mod plan;
 mod preflight;
-mod ranks;
 mod stack;
 mod team;
 mod terrain;

@@ -138,8 +138,8 @@ impl<'a> Wander<'a> {
     }
 }
 
-/// asinh of a number that is not negative. Half of a mission's estimate of the rate is spent on it, and without the standard
-/// library's care for small numbers it takes half the time.
+/// asinh of a number that is not negative. Near zero the standard library's is exact to the last digit, which is not needed
+/// here, and costs an unsteady mission 5 % more processor time.
 fn asinh_of_positive(x: f64) -> f64 {
     (x + (x * x + 1.0).sqrt()).ln()
 }

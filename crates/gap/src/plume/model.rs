@@ -352,10 +352,14 @@ impl<'a> PlumeModel<'a> {
         Ok(self.last_met_of(&self.still_plume(at)?))
     }
 
+    /// The readings with the axis at rest.
+    fn at_rest(&self, at: &[f64]) -> Result<Prediction, InferError> {
+        self.predict(at, &vec![AxisTurn::NONE; self.track.len()])
+    }
+
     /// The plume's part of each reading, with the axis at rest.
     pub(super) fn still_plume(&self, at: &[f64]) -> Result<Vec<f64>, InferError> {
-        let still = vec![AxisTurn::NONE; self.track.len()];
-        Ok(self.predict(at, &still)?.plume)
+        Ok(self.at_rest(at)?.plume)
     }
 
     fn last_met_of(&self, plume: &[f64]) -> f64 {
@@ -465,7 +469,7 @@ impl<'a> PlumeModel<'a> {
 
     /// What each row reads without the plume, ppm.
     fn clean(&self, at: &[f64]) -> Result<Vec<f64>, InferError> {
-        let there = self.predict(at, &vec![AxisTurn::NONE; self.track.len()])?;
+        let there = self.at_rest(at)?;
         let clean = there.reading.iter().zip(&there.plume).map(|(r, p)| r - p);
         Ok(clean.collect())
     }

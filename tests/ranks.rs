@@ -2,10 +2,11 @@
 //! the ranks of the true values among the stated distributions are uniform if these are right.
 
 use crate::bar;
-use mission::{Setup, campaign};
+use mission::{MissionError, Setup, campaign};
 use protocol::message::Estimate;
 use record::summary::{CORRECTED, MissionSummary};
 use scenario::random::stream;
+use tasks::flights::fly_all;
 
 const MISSIONS: u64 = 100;
 /// Long enough to meet the plume some ten times.
@@ -18,9 +19,9 @@ const BINS: usize = DECILES.len() + 1;
 /// Pearson's statistic of ranks that are uniform over ten bins is lower in 99 of 100 cases: χ² of nine degrees of freedom.
 const MOST_CHI2: f64 = 21.67;
 
-const STEADY: &str = include_str!("../../../scenarios/as-pontes-steady.toml");
+const STEADY: &str = include_str!("../scenarios/as-pontes-steady.toml");
 
-fn flown(air: &str, seed: u64) -> MissionSummary {
+fn flown(air: &str, seed: u64) -> Result<MissionSummary, MissionError> {
     let nothing = |_: &str| Err("no such file".to_owned());
     let mut setup = Setup::load("drawn.toml", STEADY, &nothing).unwrap();
     setup.scenario = setup
@@ -32,7 +33,7 @@ fn flown(air: &str, seed: u64) -> MissionSummary {
     setup.scenario.mission.seed = seed;
     setup.scenario.mission.duration_s = DURATION_S;
     setup.scenario.gap.live = false;
-    campaign::fly(&setup).unwrap()
+    campaign::fly(&setup)
 }
 
 /// Standard deviations by which the truth is above what is stated. Factors and amounts are stated on a logarithm.
@@ -44,15 +45,8 @@ fn off(stated: Estimate, truth: f64, is_log: bool) -> f64 {
     }
 }
 
-fn ranks(air: &'static str) {
-    let threads = std::thread::available_parallelism().map_or(1, |n| n.get() as u64);
-    let flown: Vec<MissionSummary> = std::thread::scope(|scope| {
-        let part = |k| (1..=MISSIONS).filter(move |seed| seed % threads == k);
-        let fly = |k| scope.spawn(move || part(k).map(|seed| flown(air, seed)).collect());
-        let parts: Vec<_> = (0..threads).map(fly).collect();
-        let done = |part: std::thread::ScopedJoinHandle<'_, Vec<_>>| part.join().unwrap();
-        parts.into_iter().flat_map(done).collect()
-    });
+fn ranks(air: &str) {
+    let flown = fly_all(MISSIONS, |seed| flown(air, seed), || (), || false).unwrap();
     let mut off_by_name: Vec<(&str, Vec<f64>)> = Vec::new();
     for number in &CORRECTED {
         let is_log = ["c_MAX", "sigma-y scale", "sigma-z scale"].contains(&number.name);
@@ -82,21 +76,26 @@ fn ranks(air: &'static str) {
         );
         bar::report(
             &format!("ranks of the truth, {air} air, {name}: Pearson's statistic"),
-            "< 21.7",
+            &format!("< {MOST_CHI2:.1}"),
             format!("{chi2:.1}"),
             chi2 < MOST_CHI2,
         );
     }
 }
 
-#[test]
-#[ignore = "second tier: a hundred missions"]
 fn ranks_are_uniform_in_steady_air() {
     ranks("steady");
 }
 
-#[test]
-#[ignore = "second tier: a hundred missions"]
 fn ranks_are_uniform_in_unsteady_air() {
     ranks("unsteady");
+}
+
+crate::runner::tests! {
+    Cores {
+        #[ignore = "second tier: a hundred missions"]
+        ranks_are_uniform_in_steady_air,
+        #[ignore = "second tier: a hundred missions"]
+        ranks_are_uniform_in_unsteady_air,
+    }
 }

@@ -12,7 +12,7 @@ use protocol::seal::MissionKey;
 use std::sync::{Arc, mpsc};
 use std::thread;
 use std::time::{Duration, Instant};
-use zenoh::query::{ConsolidationMode, QueryTarget};
+use zenoh::query::{ConsolidationMode, Query, QueryTarget};
 
 /// Length of a question, bytes: nobody meets one twice.
 const QUESTION_BYTES: usize = 16;
@@ -28,7 +28,7 @@ pub(crate) struct Asking {
 
 /// The thread that answers, until nobody answers by it any more.
 #[derive(Clone)]
-pub(crate) struct Answerer(mpsc::Sender<Box<dyn FnOnce() + Send>>);
+struct Answerer(mpsc::Sender<Box<dyn FnOnce() + Send>>);
 
 impl Answerer {
     fn start() -> Self {
@@ -38,7 +38,7 @@ impl Answerer {
     }
 
     /// Has it answer a question.
-    pub(crate) fn answer(&self, answer: impl FnOnce() + Send + 'static) {
+    fn answer(&self, answer: impl FnOnce() + Send + 'static) {
         // It ends after all who could ask.
         let _ = self.0.send(Box::new(answer));
     }
@@ -64,11 +64,6 @@ impl Asking {
         }
     }
 
-    /// The thread that answers.
-    pub(crate) fn answerer(&self) -> Answerer {
-        self.answerer.clone()
-    }
-
     /// Answers whoever asks on `path` for as long as the session is open. `answer` is given the path on which was
     /// asked, which may stand for several, and answers on one path, or nothing where it has nothing to say.
     ///
@@ -81,7 +76,7 @@ impl Asking {
     ) -> Result<(), NetError> {
         let (prefix, key) = (self.prefix.clone(), self.key.clone());
         let expression = format!("{prefix}{path}");
-        let reply = move |query: &zenoh::query::Query| {
+        let reply = move |query: &Query| {
             let asked = query.key_expr().as_str().strip_prefix(&prefix);
             let Some((path, answer)) = asked.and_then(&answer) else {
                 return;
@@ -93,7 +88,20 @@ impl Asking {
             let reply = query.reply(format!("{prefix}{path}"), answer);
             let _ = zenoh::Wait::wait(reply.attachment(code));
         };
-        let (reply, answerer) = (Arc::new(reply), self.answerer());
+        self.reply(expression, reply).await
+    }
+
+    /// Has the thread that answers call `reply` with each question on the key `expression`, for as long as the session is
+    /// open.
+    ///
+    /// # Errors
+    /// [`NetError::Zenoh`].
+    pub(crate) async fn reply(
+        &self,
+        expression: String,
+        reply: impl Fn(&Query) + Send + Sync + 'static,
+    ) -> Result<(), NetError> {
+        let (reply, answerer) = (Arc::new(reply), self.answerer.clone());
         self.session
             .declare_queryable(expression)
             .callback(move |query| {

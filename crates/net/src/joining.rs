@@ -203,16 +203,7 @@ pub(crate) async fn door(net: &Net) -> Result<Arc<Door>, NetError> {
         // Who asked has gone if the answer does not arrive; it will ask again.
         let _ = zenoh::Wait::wait(query.reply(answer_key.clone(), answer).attachment(code));
     };
-    let (reply, answerer) = (Arc::new(reply), net.asking().answerer());
-    net.session
-        .declare_queryable(key)
-        .callback(move |query| {
-            let reply = Arc::clone(&reply);
-            answerer.answer(move || reply(&query));
-        })
-        .background()
-        .await
-        .map_err(NetError::zenoh)?;
+    net.asking().reply(key, reply).await?;
     Ok(door)
 }
 
